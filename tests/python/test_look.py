@@ -92,7 +92,8 @@ def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):
     text = capsys.readouterr().out
     head = (tmp_path / "page.png").read_bytes()[:24]
     assert head[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", head[16:24])[0] > 1000
-    for word in ("140 min", "0.00 to 60.00 °C", "ARW 0.6", "gaps: none", "resolution: no steps seen", "suspected", "next: imucal calibrate fit"):
+    for word in ("140 min", "0.00 to 60.00 °C", "ARW 0.6", "gaps: none", "resolution: no steps seen", "suspected",
+                 "next: imucal calibrate fit"):
         assert word in text
     result = json.loads((tmp_path / "j").read_text())
     assert len(result["axes"][0]["coeff"]) == 4 and result["axes"][0]["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05)
@@ -103,7 +104,8 @@ def test_likelihood_of_an_accelerometer_stands_beside_what_is_read_off(tmp_path,
     write_log(tmp_path / "run.csv", Log(log.t_s, log.temp_degc, {"az_mg": 1000 + 0.01 * log.rates["gx_dph"]}, {}, {}, "simulated"))
     assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "p.png"), "--json", str(tmp_path / "j")]) == 0
     line = next(k for k in capsys.readouterr().out.splitlines() if k.startswith("az_mg: noise"))
-    white, sigma, tau = (float(v) for v in re.search(r"most likely: noise of a 1-s mean ([\d.]+) ± \S+ mg, slow noise ([\d.]+) ± \S+ mg, ([\d.]+) ± \S+ s", line).groups())
+    said = r"most likely: noise of a 1-s mean ([\d.]+) ± \S+ mg, slow noise ([\d.]+) ± \S+ mg, ([\d.]+) ± \S+ s"
+    white, sigma, tau = (float(v) for v in re.search(said, line).groups())
     assert white == pytest.approx(0.36, rel=0.03) and sigma == pytest.approx(0.2, rel=0.25) and 50 < tau < 200
     axis = json.loads((tmp_path / "j").read_text())["axes"][0]
     assert axis["unit"] == "mg" and 60 * axis["likelihood"]["arw_deg_rt_h"] == pytest.approx(white, rel=0.01)

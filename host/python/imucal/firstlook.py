@@ -56,6 +56,7 @@ class AxisLook:
     frozen_s: int = 0              # longest run of one value, where it stands out; from the row frozen_from
     frozen_from: int = 0
     repeats: float = 0.0           # part of the seconds that equal the one before
+    powers: np.ndarray = None      # columns of the polynomial at each row, where they were asked for
     ml: dict = field(default_factory=dict)
     expected: np.ndarray = None    # Allan deviation at allan_tau_s that the noise of ml lets expect of such a log
 
@@ -86,7 +87,7 @@ class AxisLook:
 
 
 def allan_deviation_of(grid):
-    """(tau_s, Allan deviation, 95 % intervals) at octaves as far as nine windows reach; empty where no seconds stand side by side."""
+    """(tau_s, Allan deviation, 95 % intervals) at octaves as far as nine windows reach; empty where there are none."""
     from .analysis import direct_predictor
     nothing = np.empty(0), np.empty(0), np.empty((0, 2))
     fine = grid[np.isfinite(grid)]

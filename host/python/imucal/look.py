@@ -82,9 +82,11 @@ def text_lines(given, source, log, looks, imported, refused_by_fit):
     name, importing = given.file, ""
     if imported:
         name = source.stem + ".csv"
-        importing = f"imucal import {given.file}" + (f" --instance {imported.chosen}" if len(imported.sensors) > 1 else "") + f" -o {name}; "
+        instance = f" --instance {imported.chosen}" if len(imported.sensors) > 1 else ""
+        importing = f"imucal import {given.file}{instance} -o {name}; "
     moving = [look for look in looks if not look.is_constant]
-    lines = [look_words.head_line(source.name, log, imported), look_words.gap_line(log, imported), look_words.steps_line(log, looks)]
+    lines = [look_words.head_line(source.name, log, imported), look_words.gap_line(log, imported),
+             look_words.steps_line(log, looks)]
     lines += [look_words.axis_line(look) for look in looks]
     if any(look.unit == "mg" for look in looks):
         lines.append("accelerometer: the mean, and b0 of the polynomial, hold gravity as it lay: a static test cannot tell it from the bias")
@@ -95,10 +97,13 @@ def text_lines(given, source, log, looks, imported, refused_by_fit):
 def _result(lines, looks, log, imported):
     axes = [{"axis": k.axis, "unit": k.unit, "coeff": k.poly, "t0_degc": k.t0_degc, "range_degc": k.range_degc, "arw_deg_rt_h": k.arw_deg_rt_h if k.unit == "dph" else None,
              "white_1s": k.white, "instability": k.slow_sigma, "instability_tau_s": k.slow_tau_s, "likelihood": k.ml, "lattice": k.lattice,
-             "n_outliers": len(k.outlier_rows), "clipped_share": k.clipped_share, "jumps": [{"t_s": t_s, "size": size} for t_s, size in k.jumps],
-             "loop": k.loop, "loop_share": k.loop_share, "has_loop": k.has_loop, "warm_up": k.warm_up, "warm_up_z": k.warm_up_z, "has_warm_up": k.has_warm_up,
+             "n_outliers": len(k.outlier_rows), "clipped_share": k.clipped_share,
+             "jumps": [{"t_s": t_s, "size": size} for t_s, size in k.jumps],
+             "loop": k.loop, "loop_share": k.loop_share, "has_loop": k.has_loop,
+             "warm_up": k.warm_up, "warm_up_z": k.warm_up_z, "has_warm_up": k.has_warm_up,
              "is_constant": k.is_constant, "frozen_s": k.frozen_s, "repeats": k.repeats,
-             "allan": {"tau_s": k.allan_tau_s, "adev": k.allan, "ci95": k.allan_ci95, "expected": k.expected, "minimum": k.allan_minimum}} for k in looks]
+             "allan": {"tau_s": k.allan_tau_s, "adev": k.allan, "ci95": k.allan_ci95, "expected": k.expected,
+                       "minimum": k.allan_minimum}} for k in looks]
     return {"text": lines, "axes": axes, "seconds": len(log.t_s), "import": imported.to_json() if imported else None}
 
 
@@ -126,7 +131,7 @@ def _look(given, source):
         raise DataError(f"{source.path}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
     axes = _usable(source.path, log, axes)
     looks = [look_at_axis(log, axis, given.order) for axis in axes]
-    asked = Asked(source.path, log, looks, bool(imported), not given.no_ml)
+    asked = Asked(source.path, log, looks, bool(imported), not given.no_ml, look_words.calibration(log, looks))
     try:
         for look in looks:
             look.ml = asked.likelihood(look)

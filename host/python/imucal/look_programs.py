@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a first look asks the programs: the likely noise of each axis, what that lets expect, and whether a calibration is accepted."""
+"""What a first look asks the programs: the likely noise of each axis, what that lets expect, is a calibration accepted?"""
 import json
 import os
 import subprocess
@@ -20,9 +20,10 @@ class Asked:
     """Processes in the background on a log, or on a copy without the seconds that are no measurement.  Where a program is not
     there, its answer is not: what the log itself shows stands without."""
 
-    def __init__(self, path, log, looks, is_imported, with_likelihood):
-        self._folder, self._fits, self._trial = tempfile.TemporaryDirectory(prefix="imucal-"), {}, None
-        self.log_path, self._looks = os.fspath(path), {look.axis: look for look in looks}
+    def __init__(self, path, log, looks, is_imported, with_likelihood, trial):
+        """trial: (axes, order) of a calibration that is going to be advised, or None."""
+        self._folder, self._fits, self._trials = tempfile.TemporaryDirectory(prefix="imucal-"), {}, {}
+        self.log_path = os.fspath(path)
         moving = [look for look in looks if not look.is_constant]
         if is_imported:
             self.log_path = self._written("log.csv", log, log.rates)
@@ -32,6 +33,8 @@ class Asked:
         for look in moving if with_likelihood else ():
             self._start_fit(noise_path, look)
         self._noise_path = noise_path
+        if trial:
+            self._start_trial(*trial)
 
     def _written(self, name, log, rates):
         path = os.path.join(self._folder.name, name)
@@ -52,8 +55,8 @@ class Asked:
             return
         # The likelihood needs no curve: two points of it are the fewest that the program makes.
         self._fits[look.axis] = _started([
-            program, "fit", path, "--axis", look.axis, "--markov", "1", "--criterion", "ml", "--detrend", self._detrend(look), "--bootstrap", "0",
-            "--tau", "2:4:2", "--threads", "1", "-o", self._model_path(look), "--json", "-"])
+            program, "fit", path, "--axis", look.axis, "--markov", "1", "--criterion", "ml", "--detrend", self._detrend(look),
+            "--bootstrap", "0", "--tau", "2:4:2", "--threads", "1", "-o", self._model_path(look), "--json", "-"])
 
     def likelihood(self, look):
         """{"arw_deg_rt_h", "sigma_dph", "tau_s" and their errors}; empty where it could not be had."""
@@ -64,17 +67,19 @@ class Asked:
             return {}
         result = json.loads(out)
         markov, errors = (result["model"]["markov"] or [{}])[0], result.get("std_errors", {})
-        return {"arw_deg_rt_h": result["model"]["arw_deg_rt_h"], "arw_error": errors.get("arw_deg_rt_h"), "sigma_dph": markov.get("sigma_dph"),
-                "sigma_error": errors.get("markov[0].sigma_dph"), "tau_s": markov.get("tau_s"), "tau_error": errors.get("markov[0].tau_s")}
+        return {"arw_deg_rt_h": result["model"]["arw_deg_rt_h"], "arw_error": errors.get("arw_deg_rt_h"),
+                "sigma_dph": markov.get("sigma_dph"), "sigma_error": errors.get("markov[0].sigma_dph"),
+                "tau_s": markov.get("tau_s"), "tau_error": errors.get("markov[0].tau_s")}
 
     def expected_allan(self, look):
-        """The Allan deviation at look.allan_tau_s that the likely noise lets expect of a log with these gaps and this polynomial taken
-        out; None where it could not be had."""
+        """The Allan deviation at look.allan_tau_s that the likely noise lets expect of a log with these gaps and this polynomial
+        taken out; None where it could not be had."""
         if look.ml.get("arw_deg_rt_h") is None or not len(look.allan_tau_s) or not os.path.exists(self._model_path(look)):
             return None
         taus = ",".join(f"{tau:g}" for tau in look.allan_tau_s)
-        done = subprocess.run([find("errormodel"), "expect", self._model_path(look), "--type", "av", "--like", self._noise_path, "--axis", look.axis,
-                               "--detrend", self._detrend(look), "--tau", taus, "--json", "-"], capture_output=True, text=True, check=False)
+        command = [find("errormodel"), "expect", self._model_path(look), "--type", "av", "--like", self._noise_path,
+                   "--axis", look.axis, "--detrend", self._detrend(look), "--tau", taus, "--json", "-"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             return None
         result = json.loads(done.stdout)
@@ -82,29 +87,32 @@ class Asked:
         value = np.array([np.nan if v is None else v for v in result["dp_dph"]], float)
         return value if len(at) == len(look.allan_tau_s) and np.allclose(at, look.allan_tau_s) else None
 
-    def refused(self, axes, order):
-        """{axis: why `calibrate fit` would not accept it}, of these axes; the key "" where it names none.  Empty: it was tried, and is accepted."""
+    def _start_trial(self, axes, order):
         try:
             command = [find("calibrate"), "fit", self.log_path, "--method", "poly", "--order", str(order), "-q",
-                       "-o", os.path.join(self._folder.name, "table.json")]
+                       "-o", os.path.join(self._folder.name, f"table{len(self._trials)}.json")]
         except DataError:
+            return
+        self._trials[tuple(axes), order] = _started(command + [word for axis in axes for word in ("--axis", axis)])
+
+    def refused(self, axes, order):
+        """{axis: why `calibrate fit` does not accept it}; the key "" where it names none.  Empty: tried and accepted."""
+        if (tuple(axes), order) not in self._trials:
+            self._start_trial(axes, order)
+        run = self._trials.get((tuple(axes), order))
+        if run is None:
             return {}
-        for axis in axes:
-            command += ["--axis", axis]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode == 0:
+        _, said = run.communicate()
+        if run.returncode == 0:
             return {}
-        said = [line.removeprefix("calibrate: ") for line in done.stderr.splitlines() if line.startswith("calibrate: ")]
-        found = {}
-        for axis in axes:
-            whys = [line.removeprefix(f"{axis}: ") for line in said if line.startswith(f"{axis}: ")]
-            if whys:
-                found[axis] = whys[0]
-        return found or {"": said[0].replace(self.log_path + ": ", "") if said else "it says no more"}
+        lines = [line.removeprefix("calibrate: ") for line in said.splitlines() if line.startswith("calibrate: ")]
+        whys = {axis: [line.removeprefix(f"{axis}: ") for line in lines if line.startswith(f"{axis}: ")] for axis in axes}
+        found = {axis: why[0] for axis, why in whys.items() if why}
+        return found or {"": lines[0].replace(self.log_path + ": ", "") if lines else "it says no more"}
 
     def close(self):
         """End what still runs and remove what was written."""
-        for run in self._fits.values():
+        for run in [*self._fits.values(), *self._trials.values()]:
             if run.poll() is None:
                 run.kill()
                 run.communicate()

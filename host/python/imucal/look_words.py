@@ -50,7 +50,9 @@ def _white(look, value, error=None):
 def noise_line(look):
     """What the plots show, and the likely noise beside it."""
     ml = look.ml
-    slow = f"slow noise {rounded(look.slow_sigma)} {look.unit}, {look.slow_tau_s:.0f} s" if look.slow_sigma and look.slow_tau_s else "no slow noise seen"
+    slow = "no slow noise seen"
+    if look.slow_sigma and look.slow_tau_s:
+        slow = f"slow noise {rounded(look.slow_sigma)} {look.unit}, {look.slow_tau_s:.0f} s"
     line = f"{look.axis}: noise from the plots: {_white(look, look.white)}, {slow}"
     if not ml:
         return line
@@ -77,21 +79,25 @@ def odd_temperature(log):
 def _no_measurement(look):
     """Sentences on seconds that are no measurement."""
     if look.is_constant:
-        return [f"{look.axis} never changes: {look.rate[np.isfinite(look.rate)][0]:g} {look.unit} in every second: a dead sensor, or a wrong register or column"]
+        value = look.rate[np.isfinite(look.rate)][0]
+        return [f"{look.axis} never changes: {value:g} {look.unit} in every second: a dead sensor, or a wrong register or column"]
     found = []
     if look.frozen_s:
-        found.append(f"{look.axis} is frozen for {look.frozen_s} s from t_s = {look.t_s[look.frozen_from]:g} on: one value, while it moves elsewhere")
+        found.append(f"{look.axis} is frozen for {look.frozen_s} s from t_s = {look.t_s[look.frozen_from]:g} on: one value, "
+                     "while it moves elsewhere")
     elif look.repeats > _MOST_REPEATS:
-        found.append(f"{look.axis} repeats itself: {100 * look.repeats:.1f} % of the seconds equal the one before: its steps are far coarser than its noise, or it is frozen")
+        found.append(f"{look.axis} repeats itself: {100 * look.repeats:.1f} % of the seconds equal the one before: its steps are "
+                     "far coarser than its noise, or it is frozen")
     if look.clipped_share:
         which = "largest" if look.clipped_at >= np.nanmean(look.rate) else "smallest"
-        found.append(f"{look.axis} reads its {which} value, {look.clipped_at:g} {look.unit}, in {rounded(100 * look.clipped_share)} % of the seconds: "
-                     "clipped at the end of its range?")
+        found.append(f"{look.axis} reads its {which} value, {look.clipped_at:g} {look.unit}, in "
+                     f"{rounded(100 * look.clipped_share)} % of the seconds: clipped at the end of its range?")
     if len(look.outlier_rows):
         rows = look.outlier_rows[np.argsort(-np.abs(look.rate[look.outlier_rows] - np.nanmean(look.used)))][:_MOST_NAMED]
         named = ", ".join(f"{rounded(look.rate[i], 6)} {look.unit} at t_s = {look.t_s[i]:g}" for i in rows)
         some = ", among them" if len(look.outlier_rows) > _MOST_NAMED else ":"
-        found.append(f"{look.axis} {many(len(look.outlier_rows), 'outlier')} beyond 6 sigma{some} {named}; left out of all figures")
+        n = many(len(look.outlier_rows), "outlier")
+        found.append(f"{look.axis} {n} beyond 6 sigma{some} {named}; left out of all figures")
     return found
 
 
@@ -100,27 +106,30 @@ def _same_axes(looks):
     found = []
     for i, look in enumerate(looks):
         if not look.is_constant:
-            found += [f"{look.axis} and {other.axis} are the same in every second: one register or column taken twice?" for other in looks[i + 1:]
-                      if np.array_equal(look.rate, other.rate, equal_nan=True)]
+            found += [f"{look.axis} and {other.axis} are the same in every second: one register or column taken twice?"
+                      for other in looks[i + 1:] if np.array_equal(look.rate, other.rate, equal_nan=True)]
     return found
 
 
 def _effects(look):
     """Sentences on what the rates do."""
-    found = [f"{look.axis} a jump of {_signed(size)} {look.unit} near t_s = {t_s:.0f} ({(t_s - look.t_s[0]) / 60:.0f} min)" for t_s, size in look.jumps]
+    found = [f"{look.axis} a jump of {_signed(size)} {look.unit} near t_s = {t_s:.0f} ({(t_s - look.t_s[0]) / 60:.0f} min)"
+             for t_s, size in look.jumps]
     if look.has_loop:
-        found.append(f"{look.axis} a loop of {rounded(look.loop)} {look.unit} rms: rising and falling temperature differ; they make "
-                     f"{100 * look.loop_share:.0f} % of the smoothed residual (slow noise can look the same: diagnose weighs the two)")
+        found.append(f"{look.axis} a loop of {rounded(look.loop)} {look.unit} rms: rising and falling temperature differ; they "
+                     f"make {100 * look.loop_share:.0f} % of the smoothed residual (slow noise can look the same: diagnose "
+                     "weighs the two)")
     if look.has_warm_up:
-        found.append(f"{look.axis} a warm-up: the start lies {_signed(look.warm_up)} {look.unit} off what the rest of the log predicts "
-                     f"({abs(look.warm_up_z):.1f} standard errors)")
+        found.append(f"{look.axis} a warm-up: the start lies {_signed(look.warm_up)} {look.unit} off what the rest of the log "
+                     f"predicts ({abs(look.warm_up_z):.1f} standard errors)")
     return found
 
 
 def _nothing(log, looks):
     """What was looked for and not found, and what could not be seen."""
     if not log.has_temperature:
-        return "no warm-up, no jump, no outlier stands out; no temperature in this log: a loop cannot be seen (record it, column temp_degc)"
+        return ("no warm-up, no jump, no outlier stands out; no temperature in this log: a loop cannot be seen (record it, "
+                "column temp_degc)")
     moves = looks[0].direction
     if np.any(moves > 0) and np.any(moves < 0):
         return "no loop, no warm-up, no jump, no outlier stands out"
@@ -146,7 +155,8 @@ def gap_line(log, imported):
     if empty:
         text += f"; {empty} s without a rate"
     if imported:
-        text += f"; moving: {imported.moving_seconds} s left out; {imported.n_duplicate} duplicate, {imported.n_backward} late samples"
+        text += f"; moving: {imported.moving_seconds} s left out; "
+        text += f"{imported.n_duplicate} duplicate, {imported.n_backward} late samples"
     return text
 
 
@@ -168,9 +178,13 @@ def axis_line(look):
     least = look.allan_minimum
     allan = f"Allan deviation lowest at {least[0]:.0f} s: {rounded(least[1])}" if least else \
         "Allan deviation: no clear lowest point" if len(look.allan) else "no Allan deviation: no seconds stand side by side"
-    bias = f"bias travels {rounded(travel, 3)} with the temperature (order {look.order})" if look.order else "no polynomial: the temperature hardly moves" \
-        if np.isfinite(look.temp_degc).any() else "no polynomial: no temperature"
-    return f"{look.axis}: mean {np.nanmean(look.used):.5g} {look.unit}, {bias}, smoothed residual {rounded(np.sqrt(np.nanmean(look.smooth ** 2)))} rms, {allan}"
+    bias = "no polynomial: no temperature"
+    if look.order:
+        bias = f"bias travels {rounded(travel, 3)} with the temperature (order {look.order})"
+    elif np.isfinite(look.temp_degc).any():
+        bias = "no polynomial: the temperature hardly moves"
+    left = rounded(np.sqrt(np.nanmean(look.smooth ** 2)))
+    return f"{look.axis}: mean {np.nanmean(look.used):.5g} {look.unit}, {bias}, smoothed residual {left} rms, {allan}"
 
 
 def head_line(name, log, imported):
@@ -205,7 +219,22 @@ def _refusals(refused):
     whys = {}
     for axis, why in refused.items():
         whys.setdefault(why, []).append(axis)
-    return "   (refused: " + "; ".join(f"{', '.join(axes)}: {why}" if axes[0] else why for why, axes in whys.items()) + ")" if whys else ""
+    texts = [f"{', '.join(axes)}: {why}" if axes[0] else why for why, axes in whys.items()]
+    return f"   (refused: {'; '.join(texts)})" if texts else ""
+
+
+def has_effect(look):
+    """Is there anything that a polynomial does not hold?"""
+    return bool(look.has_loop or look.has_warm_up or look.jumps)
+
+
+def calibration(log, looks):
+    """(axes, order) of the calibration that is the next step, if it is accepted; None where another step comes first."""
+    well = [look for look in looks if not is_sick(look)]
+    if odd_temperature(log) or not well or not log.has_temperature or any(has_effect(look) for look in well):
+        return None
+    order = min(look.order for look in well)
+    return ([look.axis for look in well], order) if order else None
 
 
 def next_line(log, looks, name, importing, refused_by_fit):
@@ -218,14 +247,17 @@ def next_line(log, looks, name, importing, refused_by_fit):
 
     def chosen(some):
         return "" if len(some) == len(log.axes) else "".join(f" --axis {look.axis}" for look in some)
-    if not log.has_temperature or all(look.order == 0 for look in well):
+    if not log.has_temperature or min(look.order for look in well) == 0:
         why = "the temperature hardly moves" if log.has_temperature else "no temperature in this log: record it, column temp_degc"
-        return f"next: {importing}imucal errormodel fit {name}{chosen(well)} --markov 1 --criterion ml -o model.json   (no thermal calibration: {why})"
-    if any(look.has_loop or look.has_warm_up or look.jumps for look in well):
-        return f"next: {importing}imucal diagnose --log {name}{chosen(well)}   (names the effect; a calibration now would hold it)"
-    order = min(look.order for look in well)
-    refused = refused_by_fit([look.axis for look in well], order)
+        return (f"next: {importing}imucal errormodel fit {name}{chosen(well)} --markov 1 --criterion ml -o model.json   "
+                f"(no thermal calibration: {why})")
+    if any(has_effect(look) for look in well):
+        return (f"next: {importing}imucal diagnose --log {name}{chosen(well)}   "
+                "(names the effect; a calibration now would hold it)")
+    axes, order = calibration(log, looks)
+    refused = refused_by_fit(axes, order)
     accepted = [look for look in well if look.axis not in refused] if "" not in refused else []
     if refused and (not accepted or refused_by_fit([look.axis for look in accepted], order)):
         return f"next: record again, this log makes no calibration{_refusals(refused)}"
-    return f"next: {importing}imucal calibrate fit {name}{chosen(accepted)} --method poly --order {order} -o table.json{_refusals(refused)}"
+    return (f"next: {importing}imucal calibrate fit {name}{chosen(accepted)} --method poly --order {order} -o table.json"
+            f"{_refusals(refused)}")

@@ -2,7 +2,7 @@
 """What is odd about an axis at a first look: seconds that are no measurement, jumps, a warm-up, a loop.
 
 A first look cannot tell causes apart; `diagnose` weighs them.  The limits of jumps and warm-ups come from simulated healthy
-logs (30 min to 24 h, white noise alone and with slow noise of up to 2000 s): a jump is told of 1 axis in 100 at most, a
+logs (30 min to 8 h, white noise alone and with slow noise of up to 2000 s): a jump is told of 1 axis in 100 at most, a
 warm-up of 1 in 100 where the noise forgets within a tenth of the log.
 """
 import numpy as np
@@ -25,8 +25,8 @@ _EARLY_S, _EARLY_PART = 900, 0.15
 _FEWEST_DEGREES = 3  # of freedom: independent stretches of the rest, less its coefficients
 
 
-#: a loop is suspected above this share of the smoothed residual's variance, where an F test of 1 % sees it too, or where it is so many
-#: times the white noise of the smoothed residual that only slow noise of that size could look the same
+#: a loop is suspected above this share of the smoothed residual's variance, where an F test of 1 % sees it too, or where it is so
+#: many times the white noise of the smoothed residual that only slow noise of that size could look the same
 LOOP_SHARE, _PLAIN_LOOP, _FEWEST_OF_LOOP = 0.5, 10, 8
 
 
@@ -112,12 +112,18 @@ def _early(look):
 
 def _powers(look):
     """Columns of the polynomial at each row."""
+    if look.powers is None:
+        look.powers = _columns(look)
+    return look.powers
+
+
+def _columns(look):
     return np.polynomial.polynomial.polyvander(look.tn, look.order) if look.order else np.ones((len(look.t_s), 1))
 
 
-def _with_jumps(look):
+def _with_jumps(look, times):
     """The polynomial's columns and a step for each jump."""
-    return np.column_stack([_powers(look)] + [look.t_s >= t_s for t_s, _ in look.jumps])
+    return np.column_stack([_powers(look)] + [look.t_s >= t_s for t_s in times])
 
 
 def _left(look, columns, rows):
@@ -128,8 +134,8 @@ def _left(look, columns, rows):
 
 
 def _differences(look, rows):
-    """(end of the first mean, differences of neighbouring means of the rates, those of the polynomial's columns, length of a mean) at
-    each second where both means are there; None where the log is too short."""
+    """(end of the first mean, differences of neighbouring means of the rates, those of the polynomial's columns, a mean's length)
+    at each second where both means are there; None where the log is too short."""
     width = int(min(JUMP_S, np.ptp(look.t_s) / 20))
     if width < _FEWEST_JUMP_S:
         return None
@@ -161,36 +167,36 @@ def _without_polynomial(steps, columns, every):
 
 
 def _find_jumps(look, rows):
-    """Jumps where neighbouring means differ by far more than they do elsewhere; their sizes by one fit with the polynomial."""
-    look.jumps = []
+    """[(t_s, size)] where neighbouring means differ by far more than they do elsewhere; sizes by one fit with the polynomial."""
     found = _differences(look, rows)
     if not found:
-        return
+        return []
     t_s, steps, columns, width = found
     left = np.abs(_without_polynomial(steps, columns, max(width // 10, 1)))
     limit = JUMP_LIMIT * 1.4826 * float(np.median(left))
-    while limit > 0 and left.max() > limit and len(look.jumps) < _MOST_JUMPS:
+    times = []
+    while limit > 0 and left.max() > limit and len(times) < _MOST_JUMPS:
         at = int(left.argmax())
-        look.jumps.append((float(t_s[at]), 0.0))
+        times.append(float(t_s[at]))
         left[np.abs(t_s - t_s[at]) < 1.5 * width] = 0
-    look.jumps.sort()
-    coefficients, _ = _left(look, _with_jumps(look), rows)
-    look.jumps = [(t_s, float(size)) for (t_s, _), size in zip(look.jumps, coefficients[look.order + 1:])]
+    if not times:
+        return []
+    coefficients, _ = _left(look, _with_jumps(look, sorted(times)), rows)
+    return [(at, float(size)) for at, size in zip(sorted(times), coefficients[look.order + 1:])]
 
 
 def _warm_up(look):
     """The start against a fit and a noise that do not know it."""
-    early, rest = _early(look)
-    columns = _with_jumps(look)
+    columns = _with_jumps(look, [t_s for t_s, _ in look.jumps])
     fine = np.isfinite(look.used) & np.isfinite(columns).all(axis=1)
-    columns = columns[:, np.ptp(columns[rest & fine], axis=0) > 0] if look.order else columns[:, [0] + [
-        k for k in range(1, columns.shape[1]) if np.ptp(columns[rest & fine, k]) > 0]]
-    if look.order:
-        columns = np.column_stack([np.ones(len(columns)), columns])
-        known = look.temp_degc[rest & fine]
-        early = early & (look.temp_degc >= known.min() - 0.02 * np.ptp(known)) & (look.temp_degc <= known.max() + 0.02 * np.ptp(known))
-    early, rest = early & fine, rest & fine
-    if early.sum() < SMOOTH_S or rest.sum() < 10 * SMOOTH_S:
+    early, rest = (rows & fine for rows in _early(look))
+    if rest.sum() < 10 * SMOOTH_S:
+        return
+    columns = columns[:, [0] + [k for k in range(1, columns.shape[1]) if np.ptp(columns[rest, k]) > 0]]
+    if look.order:  # a polynomial predicts nothing beyond the temperatures it was fitted to
+        known, room = look.temp_degc[rest], 0.02 * np.ptp(look.temp_degc[rest])
+        early &= (look.temp_degc >= known.min() - room) & (look.temp_degc <= known.max() + room)
+    if early.sum() < SMOOTH_S:
         return
     _, left = _left(look, columns, rest)
     smooth, white_left = moving_mean(filled(look.t_s[rest], left[rest]), SMOOTH_S), look.white ** 2 / SMOOTH_S
@@ -219,7 +225,8 @@ def _loop(look):
     tn, smooth, side = look.tn[both], look.smooth[both], look.direction[both]
     even = np.column_stack([np.polynomial.polynomial.polyvander(tn, 3)] + [look.t_s[both] >= t_s for t_s, _ in look.jumps])
     odd = side[:, None] * np.polynomial.polynomial.polyvander(tn, 2)
-    rest = [smooth - m @ np.linalg.lstsq(m, smooth, rcond=None)[0] for m in (even, np.hstack([even, odd]))]
+    some = slice(None, None, SMOOTH_S // 6)  # what is smooth needs no more
+    rest = [smooth - m @ np.linalg.lstsq(m[some], smooth[some], rcond=None)[0] for m in (even, np.hstack([even, odd]))]
     before, after = (float(np.mean(r * r)) for r in rest)
     if not before > after > 0:
         return 0.0, 0.0, False
@@ -235,9 +242,11 @@ def ask(look):
     """Jumps, a warm-up, a loop."""
     if look.is_constant or not has_noise(look) or look.lattice > _STAIRS * look.white:  # rounding is no finding
         return
-    _find_jumps(look, _early(look)[1])
+    found = look.jumps = _find_jumps(look, np.ones(len(look.t_s), bool))
+    if found:  # a warm-up is steep where the log begins: are there jumps without it?
+        look.jumps = _find_jumps(look, _early(look)[1])
     _warm_up(look)
     if not look.has_warm_up:
-        _find_jumps(look, np.ones(len(look.t_s), bool))
+        look.jumps = found
     if look.order:
         look.loop, look.loop_share, look.has_loop = _loop(look)

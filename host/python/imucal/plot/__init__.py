@@ -102,7 +102,7 @@ def _cut(t_s, rows, *values):
 
 
 def _scaled(ax, x, y, used):
-    """Limits that follow the measurements where others would flatten them: what lies beyond is an arrow at the edge, with its value."""
+    """Limits that follow the measurements where others would flatten them: what lies beyond is an arrow at the edge."""
     low, high = np.nanmin(used), np.nanmax(used)
     beyond = (y < low) | (y > high)
     if not high > low or not beyond.any() or np.nanmax(y) - np.nanmin(y) < _FLAT * (high - low):
@@ -115,7 +115,8 @@ def _scaled(ax, x, y, used):
             ax.plot(x[these], np.full(len(these), edge), marker=marker, ls="none", color=WARNING, ms=4, mew=0)
             words = f"{farthest(y[these]):.0f}"
             words = f"{words} at {x[these[0]]:.0f} min" if len(these) == 1 else f"{len(these)} values, to {words}"
-            ax.text(x[0], edge - side * 0.4 * margin, words, color=WARNING, fontsize=7, ha="left", va="top" if side > 0 else "bottom")
+            ax.text(x[0], edge - side * 0.4 * margin, words, color=WARNING, fontsize=7, ha="left",
+                    va="top" if side > 0 else "bottom")
 
 
 def _name(axis):
@@ -150,7 +151,8 @@ def rate_against_temperature(ax, look):
     if look.order:
         tn = np.linspace(-1, 1, 100)
         ax.plot(look.t0_degc + look.range_degc * tn, np.polynomial.polynomial.polyval(tn, look.poly), color=CURVE, lw=1.6)
-    tidy(ax, "temperature, °C", f"{_name(look.axis)}, {look.unit}", f"{look.axis}: " + (f"polynomial of order {look.order}" if look.order else "no polynomial"))
+    title = f"{look.axis}: polynomial of order {look.order}" if look.order else f"{look.axis}: no polynomial"
+    tidy(ax, "temperature, °C", f"{_name(look.axis)}, {look.unit}", title)
 
 
 def residual_plot(ax, look, against_time):
@@ -166,8 +168,8 @@ def residual_plot(ax, look, against_time):
 
 
 def allan_plot(ax, tau_s, adev, unit="dph", name="", ci95=None, white=None, expected=None):
-    """Allan deviation and its 95 % interval; the line of the white noise that was read off; and what the likely noise lets expect of a log
-    like this one, at the same tau_s."""
+    """Allan deviation and its 95 % interval; the line of the white noise that was read off; and what the likely noise lets expect
+    of a log like this one, at the same tau_s."""
     if ci95 is not None and len(tau_s) > 1:
         ax.fill_between(tau_s, ci95[:, 0], ci95[:, 1], color=CURVE, alpha=0.15, lw=0)
     ax.loglog(tau_s, adev, "o-", ms=2.5, lw=1, color=CURVE)
@@ -175,11 +177,12 @@ def allan_plot(ax, tau_s, adev, unit="dph", name="", ci95=None, white=None, expe
         ax.loglog(tau_s, white / np.sqrt(tau_s), "--", lw=0.8, color=MUTED)
     if expected is not None:
         ax.loglog(tau_s, expected, color=LIKELIHOOD, lw=1.2)
-    tidy(ax, "averaging time, s", f"{name} Allan dev., {unit}".strip(), f"{name}: Allan deviation of the residual" if name else "Allan deviation")
+    tidy(ax, "averaging time, s", f"{name} Allan dev., {unit}".strip(),
+         f"{name}: Allan deviation of the residual" if name else "Allan deviation")
 
 
 def draw_row(panels, log, look):
-    """One axis of a log in five panels (or matplotlib's axes); in three where it has no temperature, in one where it never changes."""
+    """One axis of a log in five panels (or matplotlib's axes); three where it has no temperature, one where it never changes."""
     rate_against_time(panels[0], log, look)
     if look.is_constant:
         return
@@ -187,7 +190,7 @@ def draw_row(panels, log, look):
         rate_against_temperature(panels[1], look)
         residual_plot(panels[2], look, False)
     residual_plot(panels[-2], look, True)
-    allan_plot(panels[-1], look.allan_tau_s, look.allan, look.unit, look.axis.rpartition("_")[0], look.allan_ci95, look.white, look.expected)
+    allan_plot(panels[-1], look.allan_tau_s, look.allan, look.unit, _name(look.axis), look.allan_ci95, look.white, look.expected)
 
 
 def _legend(log, looks):
@@ -199,7 +202,8 @@ def _legend(log, looks):
         found.append(("temperature", {"style": "-", "color": TEMPERATURE}))
         found += [(mark.word, mark.style(5)) for mark in (DIRECTIONS[k] for k in (1, -1, 0))]
         found.append(("polynomial", {"style": "-", "lw": 1.6, "color": CURVE}))
-    found += [("Allan deviation, 95 % interval", {"style": "o-", "ms": 4, "color": CURVE}), ("white noise alone", {"style": "--", "lw": 0.8, "color": MUTED})]
+    found.append(("Allan deviation, 95 % interval", {"style": "o-", "ms": 4, "color": CURVE}))
+    found.append(("white noise alone", {"style": "--", "lw": 0.8, "color": MUTED}))
     if any(look.expected is not None for look in looks):
         found.append(("expected of the likely noise", {"style": "-", "lw": 1.2, "color": LIKELIHOOD}))
     return [(word, {k: v for k, v in how.items() if k != "mew"}) for word, how in found]
@@ -212,7 +216,8 @@ def look_page(log, looks, name=""):
     rows, height_in = len(looks), _ROW_IN * len(looks) + _HEAD_IN
     page = Page(width_in, height_in)
     seconds = np.ptp(log.t_s) + 1
-    page.title = ", ".join(filter(None, [name, log.metadata.get("device", ""), log.metadata.get("date", ""), f"{seconds / 60:.0f} min ({seconds:.0f} s)"]))
+    page.title = ", ".join(filter(None, [name, log.metadata.get("device", ""), log.metadata.get("date", ""),
+                                         f"{seconds / 60:.0f} min ({seconds:.0f} s)"]))
     page.legend = _legend(log, looks)
     for row, look in enumerate(looks):
         boxes = [_place(width_in, height_in, row, rows, column, columns) for column in range(columns)]
@@ -239,7 +244,8 @@ def save_page(page, path, title, lines):
         text = "\n".join(html.escape(line) for line in lines)
         data = (f"<!doctype html><meta charset=utf-8><title>{html.escape(title)}</title><style>body{{font:14px/1.5 sans-serif;color:{INK};margin:2em}}"
                 f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1>"
-                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'><pre>{text}</pre>\n").encode()
+                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'>"
+                f"<pre>{text}</pre>\n").encode()
     write_bytes(path, data)
 
 

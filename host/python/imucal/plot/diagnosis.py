@@ -180,7 +180,8 @@ def draw_record(data):
     top = axes[0][0]
     for name, chosen in r.chosen.items():
         if chosen.any():
-            how = DIRECTIONS[MOVES[name]].style(3) if r.has_temperature else {"marker": ".", "ls": "none", "ms": 3.2, "color": DATA}
+            plain_dot = {"marker": ".", "ls": "none", "ms": 3.2, "color": DATA}
+            how = DIRECTIONS[MOVES[name]].style(3) if r.has_temperature else plain_dot
             top.plot(hours[chosen], r.rate_dph[chosen], **how, **dense(r))
     for i, k in enumerate(r.logs):
         own = r.log == k

@@ -26,8 +26,8 @@ class Mark:
 
     def style(self, size):
         """Keywords of plot() on matplotlib's axes."""
-        return {"marker": self.marker, "ls": "none", "color": self.color, "ms": size * self.size, "mew": 0 if self.is_filled else 0.6,
-                "mfc": self.color if self.is_filled else "none"}
+        return {"marker": self.marker, "ls": "none", "color": self.color, "ms": size * self.size,
+                "mew": 0 if self.is_filled else 0.6, "mfc": self.color if self.is_filled else "none"}
 
 
 #: drawn in this order: rest below
