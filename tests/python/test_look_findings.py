@@ -99,6 +99,14 @@ def test_jumps_are_named_with_time_and_size_and_are_no_loop(jumps, tmp_path, cap
     assert "next: imucal diagnose" in text
 
 
+def test_a_jump_does_not_hide_a_warm_up():
+    for seed in range(4):
+        log = healthy(seed)
+        log.rates["gx_dph"] += 200 * np.exp(-log.t_s / 800) + 250 * (log.t_s > 8000)
+        look = look_at_axis(log, "gx_dph")
+        assert look.has_warm_up and [round(t_s / 100) for t_s, _ in look.jumps] == [80]
+
+
 # --- what is no measurement
 
 def clipped(seed=7):
