@@ -100,7 +100,7 @@ def test_page_needs_nothing_from_outside(page):
     "while the temperature rises", "cannot exclude thermal lag instead", "rate ramp and warm up", "Run the staircase.",
     "142 → 9.1", "each held out in turn", "Gap explained: thermal hysteresis: a loop over temperature.",
     "one-minute means lie 26 dph rms off the polynomial", "noise alone would leave 18 dph, with what was found 18 dph remain",
-    "Rising and falling temperature differ by up to 11 dph", "stress of the package &lt;glue&gt; [a paper]",
+    "Rising and falling temperature differ by up to 10 dph", "stress of the package &lt;glue&gt; [a paper]",
     "Command: diagnose --model model.json --log runs/a.csv", "imucal 3.2.1.", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
     "No gap found; 1 effect would stay unseen on these profiles."])
 def test_page_says_what_the_diagnosis_says(page, words):
