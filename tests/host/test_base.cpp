@@ -16,10 +16,12 @@
 #include <vector>
 
 #include "base/box_muller.h"
+#include "base/digits.h"
 #include "base/fast_normal.h"
 #include "base/parallel.h"
 #include "base/quantile.h"
 #include "base/rng.h"
+#include "base/wrap.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>
@@ -205,6 +207,50 @@ static void test_normals_of_a_block_are_box_and_mullers(void**) {
   assert_relative(rng.normal(), radius * std::sin(angle), 1e-14);
 }
 
+static void test_numbers_have_the_digits_that_are_known(void**) {
+  const struct {
+    double value, error;
+    const char* text;
+  } cases[] = {{731.6, 210, "730 +- 210"},
+               {20388, 3204, "20400 +- 3200"},
+               {0.00144312, 0.00085, "0.00144 +- 0.00085"},
+               {-75.594, 2.31, "-75.6 +- 2.3"},
+               {4.289, 3.8, "4.3 +- 3.8"},
+               {108.1, 99.7, "110 +- 100"},
+               {0, 0.5, "0.00 +- 0.50"},
+               {480, NAN, "480.0"},
+               {480, 0, "480.0"}};
+  for (const auto& c : cases) assert_string_equal(with_error(c.value, c.error).c_str(), c.text);
+  assert_string_equal(in_digits(76608.4, 2).c_str(), "77000");
+  assert_string_equal(in_digits(9.96, 2).c_str(), "10");
+  assert_string_equal(in_digits(0.0996, 2).c_str(), "0.10");
+  assert_string_equal(in_digits(0, 2).c_str(), "0");
+  assert_string_equal(nats_text(76608.4).c_str(), "76608");
+  assert_string_equal(nats_text(3.14).c_str(), "3.1");
+}
+
+static void test_lines_are_wrapped_at_blanks_and_hang_under_their_text(void**) {
+  const std::string text = "  where   at averaging times of 512 to 16384 s, most at 4096 s\n";
+  assert_string_equal(wrapped(text, 0).c_str(), text.c_str());
+  assert_string_equal(wrapped(text, 80).c_str(), text.c_str());
+  assert_string_equal(wrapped(text, 40).c_str(), "  where   at averaging times of 512 to\n"
+                                                 "          16384 s, most at 4096 s\n");
+  // No label: two blanks further.  The last line has no end, as it was.
+  assert_string_equal(wrapped("gx_dph: a gap, explained: thermal_hysteresis", 40).c_str(),
+                      "gx_dph: a gap, explained:\n  thermal_hysteresis");
+  // A word that is too long, and a row of a table, stay whole.
+  const std::string word(50, 'x'), row = "    1.67    4.618    4.966    4.758    4.323    4.123";
+  assert_string_equal(wrapped("the file " + word + " is", 40).c_str(), ("the file\n  " + word + "\n  is").c_str());
+  assert_string_equal(wrapped(row, 40).c_str(), row.c_str());
+  // Characters count, not bytes.
+  assert_string_equal(wrapped("\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4"
+                              "\u00e4\u00e4\u00e4\u00e4 12345678901234567890 x",
+                              41)
+                          .c_str(),
+                      "\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4\u00e4"
+                      "\u00e4\u00e4 12345678901234567890 x");
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_parallel_for_every_item_once),
@@ -216,6 +262,8 @@ int main() {
       cmocka_unit_test(test_logarithm_of_a_uniform_is_right_to_two_last_places),
       cmocka_unit_test(test_cosine_and_sine_of_a_turn_are_right_to_a_last_place_of_one),
       cmocka_unit_test(test_normals_of_a_block_are_box_and_mullers),
+      cmocka_unit_test(test_numbers_have_the_digits_that_are_known),
+      cmocka_unit_test(test_lines_are_wrapped_at_blanks_and_hang_under_their_text),
   };
   return cmocka_run_group_tests_name("base", tests, nullptr, nullptr);
 }

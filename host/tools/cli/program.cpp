@@ -13,6 +13,7 @@
 #include <iostream>
 #include <thread>
 
+#include "base/wrap.h"
 #include "io/notice.h"
 
 namespace imucal {
@@ -87,7 +88,7 @@ std::vector<std::string> common_behind(const CLI::App& app, int argc, char** arg
 // Not behind the line that shows the progress, which stands on a terminal only.
 void complain(const std::string& name, const std::string& message) {
   if (::isatty(STDERR_FILENO)) std::cerr << "\r\033[K";
-  std::cerr << printable(name + ": " + message) << "\n";
+  std::cerr << wrapped(printable(name + ": " + message), terminal_columns(STDERR_FILENO)) << "\n";
 }
 
 // What was printed must have arrived.
