@@ -57,7 +57,7 @@ def test_healthy_log_is_accepted(tmp_path):
     assert model["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05) and "comment" not in model
 
 
-@pytest.mark.parametrize("sicken, rule, words", [(one_knock, "outliers", "2001 s"), (frozen_half, "repeated", "3000"),
+@pytest.mark.parametrize("sicken, rule, words", [(one_knock, "outliers", "t = 2000 s"), (frozen_half, "repeated", "3000"),
                                                  (swapped, "temp-spikes", "temperatures")])
 def test_sick_log_makes_no_model_in_silence(tmp_path, sicken, rule, words):
     done, result = fit(tmp_path, sicken)

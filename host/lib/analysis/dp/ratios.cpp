@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "base/format.h"
+#include "base/median.h"
 #include "base/quantile.h"
 
 namespace imucal {
@@ -13,15 +14,43 @@ namespace imucal {
 namespace {
 
 constexpr size_t kMostOutliers = 20;
+constexpr long kAround = 8;       // samples beyond the windows on both sides, to see which of them is off
+constexpr double kAloneTimes = 2; // a single wrong sample is so many times as far off as any other around it
+
+// Of a prediction over n samples from t0 on that stands out: the sample that did it.  Where one sample alone is wrong, it lies in
+// the window predicted or in the one before, from which it was predicted; both errors are the same in size.  Where there is none,
+// as beside a jump, it is t0.
+long place_of(const Series& s, long t0, long n) {
+  const long begin = std::max(0L, t0 - n), end = std::min(s.size(), t0 + n);
+  std::vector<double> around;
+  for (long i = std::max(0L, begin - kAround); i < std::min(s.size(), end + kAround); ++i)
+    if (std::isfinite(s.rate_dph[static_cast<size_t>(i)])) around.push_back(s.rate_dph[static_cast<size_t>(i)]);
+  if (around.size() < 3) return t0;
+  const double middle = median(around);
+  std::vector<double> off;
+  for (const double rate : around) off.push_back(std::fabs(rate - middle));
+  std::nth_element(off.begin(), off.end() - 2, off.end()); // the last but one, then the largest
+  if (!(off.back() > kAloneTimes * off[off.size() - 2])) return t0;
+  for (long i = begin; i < end; ++i)
+    if (std::fabs(s.rate_dph[static_cast<size_t>(i)] - middle) == off.back()) return i;
+  return t0;
+}
 
 // Joins windows that stand out at nearly the same time into events, keeping the most conspicuous.
 void add_events(const Series& s, const std::vector<double>& temp_degc, const std::vector<long>& t0,
                 const std::vector<double>& d, double sigma, double limit, double tau_s,
                 std::vector<DpOutlier>* events) {
   DpOutlier event;
+  long event_t0 = 0;
   double last_s = -1e300;
   const auto flush = [&] {
-    if (event.sigmas > 0) events->push_back(event);
+    if (event.sigmas > 0) {
+      const long at = std::min(place_of(s, event_t0, std::lround(tau_s / s.dt_s)), s.size() - 1);
+      event.t_s = s.t_s(at);
+      event.temp_degc =
+          temp_degc.empty() ? std::numeric_limits<double>::quiet_NaN() : temp_degc[static_cast<size_t>(at)];
+      events->push_back(event);
+    }
     event = {};
   };
   for (size_t k = 0; k < d.size(); ++k) {
@@ -31,9 +60,7 @@ void add_events(const Series& s, const std::vector<double>& temp_degc, const std
     if (t_s - last_s > tau_s + s.dt_s) flush();
     last_s = t_s;
     if (sigmas <= event.sigmas) continue;
-    event.t_s = t_s;
-    event.temp_degc = temp_degc.empty() ? std::numeric_limits<double>::quiet_NaN()
-                                        : temp_degc[static_cast<size_t>(std::min(t0[k], s.size() - 1))];
+    event_t0 = t0[k];
     event.tau_s = tau_s;
     event.sigmas = sigmas;
   }

@@ -22,7 +22,7 @@ constexpr double kPercentileSpread = 0.70;   // times 1/sqrt(dof); simulated: er
 constexpr double kLeastDof = 20;             // below it the ratio says nothing
 
 struct DpOutlier {
-  double t_s = 0;       // of the prediction's start
+  double t_s = 0;       // of the sample that is off; beside a jump, or where many are, of the first that was predicted
   double temp_degc = 0; // NaN without temperature
   double tau_s = 0;     // where it stands out most
   double sigmas = 0;    // |d| over the sigma of the percentile
