@@ -14,6 +14,7 @@
 #include <string>
 
 #include "analysis/fit/fit.h"
+#include "analysis/fit/residual_shape.h"
 #include "base/error.h"
 #include "base/rng.h"
 #include "dense.h"
@@ -326,6 +327,38 @@ FitOptions unmodelled() {
   return options;
 }
 
+// White noise of 36 dph and a Markov process of 20 dph with 100 s over 8400 s; a jump and a warm-up of a few times that.
+void test_the_shape_of_a_residual(void**) {
+  int n_told = 0;
+  for (uint64_t seed = 1; seed <= 150; ++seed) {
+    Rng rng(seed, 0, 0, 7U);
+    std::vector<double> residual;
+    double markov = 20 * rng.normal();
+    for (int k = 0; k < 8400; ++k) {
+      residual.push_back(markov + 36 * rng.normal());
+      markov = markov * std::exp(-0.01) + 20 * std::sqrt(1 - std::exp(-0.02)) * rng.normal();
+    }
+    const auto told = [&](const std::vector<double>& one) {
+      const ResidualShape shape = shape_of({one}, 1);
+      return (shape.jump_times > kJump_times) + 2 * (shape.warm_up_times > kWarmUp_times);
+    };
+    n_told += told(residual) != 0;
+    std::vector<double> jump = residual, warm = residual, single = residual;
+    for (size_t k = 5000; k < jump.size(); ++k) jump[k] += 200;
+    for (size_t k = 0; k < warm.size(); ++k) warm[k] += 300 * std::exp(-static_cast<double>(k) / 500);
+    single[3000] = 1e5;
+    assert_int_equal(told(jump) & 1, 1);
+    assert_int_equal(told(warm) & 2, 2);
+    assert_int_equal(told(single), told(residual));
+    const ResidualShape at = shape_of({residual, jump}, 1);
+    assert_int_equal(at.jump_run, 1);
+    assert_true(std::abs(static_cast<double>(at.jump_row) - 5000) < 60 && std::abs(at.jump_dph - 200) < 80);
+  }
+  assert_int_equal(n_told, 0);
+  assert_true(shape_of({std::vector<double>(2000, 1.0)}, 1).mean_s == 0);     // too short
+  assert_true(shape_of({std::vector<double>(8000, 1.0)}, 1).jump_times == 0); // no noise: nothing is usual
+}
+
 // A knock of a second is left out, counted and named; the coefficients are those without it.
 void test_polynomial_without_model_leaves_knocks_out(void**) {
   const Log log = profile_log(1, 36, 20, 100);
@@ -498,6 +531,7 @@ int main() {
       cmocka_unit_test(test_polynomial_sigma_with_model_is_the_dense_sandwich),
       cmocka_unit_test(test_polynomial_sigma_without_model_covers),
       cmocka_unit_test(test_polynomial_without_model_tells_the_noise),
+      cmocka_unit_test(test_the_shape_of_a_residual),
       cmocka_unit_test(test_polynomial_without_model_leaves_knocks_out),
       cmocka_unit_test(test_polynomial_without_model_sees_a_frozen_thermometer),
       cmocka_unit_test(test_fast_rows_do_not_hide_a_fast_ramp),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """`calibrate fit`: logs in, table and result out; bad input ends with the right status and its reason."""
 import json
+import math
 import subprocess
 
 import pytest
@@ -231,3 +232,73 @@ def test_a_ramp_too_fast_or_a_span_hardly_seen_makes_no_table(folder):
         run(BIN / "gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "p.json", "-o", folder / "p.csv")
         result, out = fit(folder, folder / "p.csv", "--model", folder / "model.json", "--method", "poly")
         assert result.returncode == 1 and rule in {r["rule"] for r in out["judgement"]["reasons"]}, result.stderr
+
+
+def with_rates(folder, name, change, axis="gx_dph"):
+    """log1.csv with `change(seconds since the start, rate)` in the place of an axis' rates."""
+    def rows(lines, header):
+        column = lines[header].split(",").index(axis)
+        out = lines[: header + 1]
+        for k, line in enumerate(lines[header + 1:]):
+            cells = line.split(",")
+            cells[column] = repr(change(k, float(cells[column])))
+            out.append(",".join(cells))
+        return out
+    return edited(folder, name, rows)
+
+
+@pytest.mark.parametrize("method", [["--method", "poly"], ["--model", "model.json"]])
+def test_single_wild_seconds_are_named_and_no_thermometer_is_blamed(folder, method):
+    wild = {5, *range(400, 8000, 400)}
+    log = with_rates(folder, "wild.csv", lambda k, rate: rate + (2e4 if k in wild else 0))
+    result = subprocess.run([BIN / "calibrate", "fit", log.name, *method, "-o", "never.json", "--json", "wild.json"], cwd=folder,
+                            capture_output=True, text=True, timeout=60)
+    assert result.returncode == 1 and not (folder / "never.json").exists()
+    first = [line for line in log.read_text().splitlines() if line[0].isdigit()][5].split(",")[0]
+    assert f"gx_dph: 20 seconds lie far off the polynomial (the first: wild.csv at {first} s)" in result.stderr
+    for wrong in ("a minute and more", "is the thermometer stuck", "identify the model anew", "the polynomial misses"):
+        assert wrong not in result.stderr
+    told = json.loads((folder / "wild.json").read_text())
+    assert told["axes"][0]["far_off"] == {"n": 20, "first": f"wild.csv at {first} s"} and "far_off" not in told["axes"][1]
+    assert "rejects" in {reason["rule"] for reason in told["judgement"]["reasons"]}
+
+
+def test_a_bias_that_steps_is_still_a_knock_of_a_minute_and_more(folder):
+    log = with_rates(folder, "step.csv", lambda k, rate: rate + (2e3 if k >= 4000 else 0))
+    result = run(BIN / "calibrate", "fit", log, "--model", folder / "model.json")
+    assert result.returncode == 1 and "knocks of a minute and more" in result.stderr and "far off" not in result.stderr
+
+
+def test_a_dead_axis_gets_no_coefficients_and_no_predicted_error(folder):
+    log = with_rates(folder, "dead.csv", lambda k, rate: 123.4)
+    result = run(BIN / "calibrate", "fit", log, "--method", "poly")
+    dead, alive = result.stdout.split("gx_dph ")[1].split("gy_dph ")
+    assert result.returncode == 1 and "no noise: not a calibration, so no coefficients" in dead
+    assert "predicted" not in dead and "B(T)" not in dead and "predicted" in alive
+    insisted = run(BIN / "calibrate", "fit", log, "--method", "poly", "--accept", "no-noise", "--accept", "repeated")
+    assert insisted.returncode == 0 and insisted.stdout.count("predicted one-sigma error") == 2
+
+
+def test_a_fit_says_what_it_wrote_and_what_comes_next(folder):
+    table = folder / "said.json"
+    said = run(BIN / "calibrate", "fit", folder / "log1.csv", "--model", folder / "model.json", "-o", table).stdout
+    assert said.endswith(f"written to {table}; next: calibrate --port PORT flash {table}\n")
+    said = run(BIN / "calibrate", "fit", folder / "log1.csv", "--model", folder / "model.json").stdout
+    assert said.endswith("no table written: -o TABLE.json writes one\n")
+    log = with_rates(folder, "dead.csv", lambda k, rate: 123.4)
+    assert "written" not in run(BIN / "calibrate", "fit", log, "--model", folder / "model.json", "-o", folder / "never.json").stdout
+
+
+def test_without_a_model_a_jump_and_a_warm_up_are_told(folder):
+    def notes(log):
+        result = run(BIN / "calibrate", "fit", log, "--method", "poly", "--json", folder / "shape.json")
+        assert result.returncode in (0, 1), result.stderr  # a warm-up during a soak is refused too
+        warnings = json.loads((folder / "shape.json").read_text()).get("warnings", [])
+        assert all(f"calibrate: note: {w}\n" in result.stderr for w in warnings)
+        return [w for w in warnings if w.startswith("gx_dph: the ")]
+    assert notes(folder / "log1.csv") == notes(folder / "log2.csv") == []
+    (told,) = notes(with_rates(folder, "jump.csv", lambda k, rate: rate + (200 if k >= 4000 else 0)))
+    assert abs(float(told.split(" s of ")[0].split()[-1]) - 4000) < 100 and abs(float(told.split("about ")[1].split()[0]) - 200) < 40
+    (told,) = notes(with_rates(folder, "warm.csv", lambda k, rate: rate + 400 * math.exp(-k / 800)))
+    assert "a warm-up?" in told and "the first 128 s of" in told
+    assert notes(with_rates(folder, "one.csv", lambda k, rate: rate + (3e4 if k == 4000 else 0))) == []

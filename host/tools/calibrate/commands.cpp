@@ -14,6 +14,7 @@
 #include "base/clock.h"
 #include "base/progress.h"
 #include "calibrate/fit_json.h"
+#include "cli/text.h"
 #include "device/recorder.h"
 #include "device/sensor_watch.h"
 #include "device/watch.h"
@@ -557,18 +558,15 @@ void print_run(const Device& device, const RunOptions& options, const RunResult&
 // Why nothing was flashed, also with --quiet: it is the answer.
 void tell_reasons(const Device& device, const RunResult& result) {
   for (const FitReason& reason : result.reasons)
-    std::fprintf(stderr, "calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(),
-                 reason.text.c_str());
+    warn("calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(), reason.text.c_str());
   if (!is_accepted(result.reasons))
-    std::fprintf(stderr,
-                 "calibrate: not accepted, nothing flashed: %s keeps its last good table; to insist: --accept RULE\n",
-                 device.serial().c_str());
+    warn("calibrate: not accepted, nothing flashed: %s keeps its last good table; to insist: --accept RULE\n",
+         device.serial().c_str());
   else if (!result.is_flashed && result.flash_error.empty())
-    std::fprintf(stderr,
-                 "calibrate: interrupted, nothing flashed: %s keeps its last good table (--keep-partial flashes what "
-                 "is there)\n",
-                 device.serial().c_str());
-  if (!result.record_error.empty()) std::fprintf(stderr, "calibrate: %s\n", result.record_error.c_str());
+    warn("calibrate: interrupted, nothing flashed: %s keeps its last good table (--keep-partial flashes what "
+         "is there)\n",
+         device.serial().c_str());
+  if (!result.record_error.empty()) warn("calibrate: %s\n", result.record_error.c_str());
 }
 
 // Where the table goes that no flash has taken: the file asked for, else one beside the work, never over another.
@@ -583,13 +581,11 @@ std::string unflashed_path(const Device& device, const std::string& asked_for) {
 
 // The run is not lost: what was learnt is in a file, and what to do is said.
 Exit keep_unflashed(const Device& device, const RunResult& result, const std::string& path) {
-  std::fprintf(stderr, "calibrate: %s\n", printable(result.flash_error).c_str());
+  warn("calibrate: %s\n", printable(result.flash_error).c_str());
   write_table(path, result.table);
-  std::fprintf(
-      stderr,
-      "calibrate: not flashed; what was learnt is good and is kept in %s: mend the device, then calibrate --port %s "
-      "flash %s\n",
-      path.c_str(), device.port().c_str(), path.c_str());
+  warn("calibrate: not flashed; what was learnt is good and is kept in %s: mend the device, then calibrate --port %s "
+       "flash %s\n",
+       path.c_str(), device.port().c_str(), path.c_str());
   return Exit::kDevice;
 }
 

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "calibrate/fit_command.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
+#include "base/digits.h"
+#include "base/format.h"
 #include "base/range.h"
 #include "calibrate/fit_json.h"
+#include "cli/text.h"
 #include "device/recorder.h"
 #include "io/table_json.h"
 
@@ -28,12 +32,14 @@ std::string join(const std::vector<std::string>& names) {
 }
 
 // What the predicted error rests on where no model was given.
-void print_basis(const NoiseModel& noise, const char* unit) {
-  std::printf("    of the noise that the residuals show: white %.3g %s (1-s means)", noise.white_sigma_dph, unit);
-  for (const Markov& m : noise.markov) std::printf(", slow about %.3g %s over %.2g s", m.sigma_dph, unit, m.tau_s);
-  std::printf(
-      ", and of how little they show of it;\n    noise slower than a tenth of the log is not seen: give --model "
-      "where it is known\n");
+std::string basis_text(const NoiseModel& noise, const char* unit) {
+  std::string out =
+      format("    of the noise that the residuals show: white %.3g %s (1-s means)", noise.white_sigma_dph, unit);
+  for (const Markov& m : noise.markov)
+    out += format(", slow about %.3g %s over %s s", m.sigma_dph, unit, in_digits(m.tau_s, 2).c_str());
+  return out + ", and of how little they show of it;\n    noise slower than a tenth of the log is not seen: give "
+               "--model where "
+               "it is known\n";
 }
 
 std::string rows_of(double dt_s) {
@@ -42,45 +48,65 @@ std::string rows_of(double dt_s) {
   return std::abs(dt_s - 1) < 0.01 ? "seconds" : text;
 }
 
-void print(const FitResult& result) {
-  std::printf("%s over %zu log%s\n", result.method == FitOptions::Method::kKalman ? "Kalman filter" : "least squares",
-              result.logs.size(), result.logs.size() == 1 ? "" : "s");
-  for (const FitAxis& axis : result.axes) {
-    const char* unit = axis.unit();
-    std::printf("%-12s order %d, %ld %s (%ld without a measurement), residual %.4g %s rms\n", axis.axis.c_str(),
-                axis.order, axis.n_used, rows_of(axis.dt_s).c_str(), axis.n_missing, axis.residual_rms_dph, unit);
-    std::printf("  B(T) = sum b_i ((T - %.6g)/%.6g)^i, b =", axis.t0_degc, axis.range_degc);
-    for (const double b : axis.coeff_dph) std::printf(" %.6g", b);
-    std::printf(" %s\n  predicted one-sigma error:", unit);
-    for (size_t i = 0; i < axis.temp_degc.size(); i += 2)
-      std::printf("  %.4g at %.4g", axis.sigma_dph[i], axis.temp_degc[i]);
-    std::printf(" degC\n");
-    if (axis.residual_noise) print_basis(*axis.residual_noise, unit);
-    if (axis.holds_gravity())
-      std::printf("  b0 holds gravity along the axis, as it lay: a static test cannot tell it from the bias\n");
-    if (axis.n_rejected + axis.n_bad_temperature > 0)
-      std::printf("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected,
+// A sensor that shows no noise is not measured: nothing is learnt from it.
+bool is_dead(const FitResult& result, const FitAxis& axis) {
+  return std::any_of(result.reasons.begin(), result.reasons.end(), [&](const FitReason& r) {
+    return r.axis == axis.axis && !r.is_accepted && r.rule == imucal_health_rule_name(IMUCAL_HEALTH_NO_NOISE);
+  });
+}
+
+std::string axis_text(const FitAxis& axis) {
+  const char* unit = axis.unit();
+  std::string out = format("  B(T) = sum b_i ((T - %.6g)/%.6g)^i, b =", axis.t0_degc, axis.range_degc);
+  for (const double b : axis.coeff_dph) out += format(" %.6g", b);
+  out += std::string(" ") + unit + "\n  predicted one-sigma error:";
+  for (size_t i = 0; i < axis.temp_degc.size(); i += 2)
+    out += format("%s %.4g at %.4g", i > 0 ? "," : "", axis.sigma_dph[i], axis.temp_degc[i]);
+  out += " degC\n";
+  if (axis.residual_noise) out += basis_text(*axis.residual_noise, unit);
+  if (axis.holds_gravity())
+    out += "  b0 holds gravity along the axis, as it lay: a static test cannot tell it from the bias\n";
+  if (axis.n_rejected + axis.n_bad_temperature > 0)
+    out += format("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected,
                   axis.n_bad_temperature);
-    if (!axis.first_left_out.empty()) std::printf("    the first of them: %s\n", axis.first_left_out.c_str());
-    if (!axis.not_judged.empty())
-      std::printf("  not judged: %s%s\n", join(axis.not_judged).c_str(),
-                  axis.residual_noise ? " (what compares with a model needs --model)" : "");
-    if (!axis.turn_on_dph.empty()) {
-      std::printf("  turn-on constants:");
-      for (const double a : axis.turn_on_dph) std::printf(" %.4g", a);
-      std::printf(" %s\n", unit);
-    }
+  if (!axis.first_left_out.empty()) out += "    the first of them: " + axis.first_left_out + "\n";
+  if (!axis.not_judged.empty())
+    out += "  not judged: " + join(axis.not_judged) +
+           (axis.residual_noise ? " (what compares with a model needs --model)\n" : "\n");
+  if (axis.turn_on_dph.empty()) return out;
+  out += "  turn-on constants:";
+  for (const double a : axis.turn_on_dph) out += format(" %.4g", a);
+  return out + " " + unit + "\n";
+}
+
+std::string text_of(const FitResult& result) {
+  std::string out =
+      format("%s over %zu log%s\n", result.method == FitOptions::Method::kKalman ? "Kalman filter" : "least squares",
+             result.logs.size(), result.logs.size() == 1 ? "" : "s");
+  for (const FitAxis& axis : result.axes) {
+    out +=
+        format("%-12s order %d, %ld %s (%ld without a measurement), residual %.4g %s rms\n", axis.axis.c_str(),
+               axis.order, axis.n_used, rows_of(axis.dt_s).c_str(), axis.n_missing, axis.residual_rms_dph, axis.unit());
+    out += is_dead(result, axis) ? "  no noise: not a calibration, so no coefficients\n" : axis_text(axis);
   }
+  return out;
+}
+
+// What became of it, and what to do with it.
+std::string outcome_text(const FitResult& result, const std::string& table_path) {
+  if (!result.is_accepted()) return ""; // tell_reasons does
+  return table_path.empty() ? "no table written: -o TABLE.json writes one\n"
+                            : "written to " + table_path + "; next: calibrate --port PORT flash " + table_path + "\n";
 }
 
 // Why there is no table, also with --quiet: it is the answer.
 void tell_reasons(const FitResult& result, bool wants_table) {
   for (const FitReason& reason : result.reasons)
-    std::fprintf(stderr, "calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(),
-                 reason.text.c_str());
+    say(stderr, std::string("calibrate: ") + (reason.is_accepted ? "accepted: " : "") + reason.axis + ": " +
+                    reason.text + "\n");
   if (!result.is_accepted())
-    std::fprintf(stderr, "calibrate: not accepted%s; to insist: --accept RULE\n",
-                 wants_table ? ", no table written" : "");
+    say(stderr, std::string("calibrate: not accepted") + (wants_table ? ", no table written" : "") +
+                    "; to insist: --accept RULE\n");
 }
 
 } // namespace
@@ -166,9 +192,9 @@ Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
     }
     write_table(arguments.table_path, make_table(result, info));
   }
-  for (const std::string& warning : result.warnings) std::fprintf(stderr, "calibrate: note: %s\n", warning.c_str());
+  for (const std::string& warning : result.warnings) say(stderr, "calibrate: note: " + warning + "\n");
   if (common.wants_json()) write_json(common.json_path, to_json(result));
-  if (common.talks()) print(result);
+  if (common.talks()) say(stdout, text_of(result) + outcome_text(result, arguments.table_path));
   tell_reasons(result, !arguments.table_path.empty());
   return result.is_accepted() ? Exit::kDone : Exit::kNegative;
 }

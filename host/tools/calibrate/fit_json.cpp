@@ -73,6 +73,7 @@ Json to_json(const FitResult& result) {
     }
     a["n_rejected"] = axis.n_rejected;
     if (!axis.first_left_out.empty()) a["first_left_out"] = axis.first_left_out;
+    if (axis.n_far_off > 0) a["far_off"] = {{"n", axis.n_far_off}, {"first", axis.first_far_off}};
     a["not_judged"] = axis.not_judged;
     a["n_bad_temperature"] = axis.n_bad_temperature;
     a["error_factor"] = axis.error_factor;

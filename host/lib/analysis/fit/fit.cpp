@@ -8,7 +8,10 @@
 
 #include "analysis/fit/judge.h"
 #include "analysis/fit/parts.h"
+#include "analysis/fit/residual_shape.h"
+#include "base/digits.h"
 #include "base/error.h"
+#include "base/format.h"
 #include "base/range.h"
 #include "base/units.h"
 
@@ -180,7 +183,19 @@ void take_fit(const ChebyshevFit& fit, FitAxis* axis) {
   }
 }
 
+// Rate less the polynomial and the run's constant; NaN where the rate is unused.
+std::vector<std::vector<double>> residuals_of(const std::vector<FitRun>& runs, const FitAxis& axis) {
+  std::vector<std::vector<double>> out(runs.size());
+  for (size_t l = 0; l < runs.size(); ++l)
+    for (size_t k = 0; k < runs[l].rate_dph.size(); ++k) {
+      const double turn_on = axis.turn_on_dph.empty() ? 0.0 : axis.turn_on_dph[l];
+      out[l].push_back(runs[l].rate_dph[k] - axis.bias_dph(runs[l].temp_degc[k]) - turn_on);
+    }
+  return out;
+}
+
 void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
+  const std::vector<std::vector<double>> residual = residuals_of(runs, *axis);
   double sum = 0, n_lossy = 0;
   for (size_t l = 0; l < runs.size(); ++l)
     for (size_t k = 0; k < runs[l].rate_dph.size(); ++k) {
@@ -188,9 +203,7 @@ void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
         ++axis->n_missing;
         continue;
       }
-      const double turn_on = axis->turn_on_dph.empty() ? 0.0 : axis->turn_on_dph[l];
-      const double residual = runs[l].rate_dph[k] - axis->bias_dph(runs[l].temp_degc[k]) - turn_on;
-      sum += residual * residual;
+      sum += residual[l][k] * residual[l][k];
       ++axis->n_used;
       n_lossy += (runs[l].flags[k] & kSamplesMissing) != 0;
     }
@@ -350,6 +363,35 @@ std::string first_left_out(const std::vector<Log>& logs, const std::vector<FitRu
   return "";
 }
 
+// Rules that single wrong seconds can break, whatever else they are meant for.
+constexpr uint32_t kOfRate =
+    1U << IMUCAL_HEALTH_TEMP_STUCK | 1U << IMUCAL_HEALTH_NIS | 1U << IMUCAL_HEALTH_SLOW | 1U << IMUCAL_HEALTH_REJECTS;
+constexpr size_t kMostAlone = 2; // wrong seconds in a row that are still single ones
+
+// Are single seconds to blame, each far off the polynomial of all others?
+void find_far_off(const std::vector<Log>& logs, const FitOptions& options, const std::vector<FitRun>& runs, double dt_s,
+                  FitAxis* axis) {
+  if ((axis->health.bits & kOfRate) == 0) return;
+  std::vector<FitRun> inside = runs;
+  leave_out_beyond(*axis, &inside);
+  std::vector<FitRun> left = inside;
+  try {
+    leave_out_far_off(options.order, axis->t0_degc, axis->range_degc, options.shared_turn_on, &left);
+  } catch (const Error&) { // the logs do not determine a polynomial
+    return;
+  }
+  long n = 0;
+  for (size_t l = 0; l < left.size(); ++l)
+    for (size_t k = 0, in_a_row = 0; k < left[l].rate_dph.size(); ++k) {
+      const bool is_off = std::isfinite(inside[l].rate_dph[k]) && std::isnan(left[l].rate_dph[k]);
+      in_a_row = is_off ? in_a_row + 1 : 0;
+      n += is_off;
+      if (in_a_row > kMostAlone) return;
+    }
+  axis->n_far_off = n;
+  if (n > 0) axis->first_far_off = first_left_out(logs, inside, left, dt_s);
+}
+
 // Every second through the rules and the gate, by the model's noise or by the residuals' own.
 void check_axis(const std::vector<Log>& logs, const FitOptions& options, imucal_health_config_t expected,
                 std::optional<imucal_kf_config_t> config, std::vector<FitRun>* runs, FitAxis* axis) {
@@ -368,6 +410,7 @@ void check_axis(const std::vector<Log>& logs, const FitOptions& options, imucal_
   judge_ramp_by_time(*runs, expected, dt_s, axis);
   name_what_is_not_judged(has_model, axis);
   if (axis->n_rejected + axis->n_bad_temperature > 0) axis->first_left_out = first_left_out(logs, before, *runs, dt_s);
+  find_far_off(logs, options, before, dt_s, axis);
   leave_out_beyond(*axis, runs);
 }
 
@@ -381,6 +424,25 @@ ChebyshevFit fit_polynomial(const std::vector<FitRun>& runs, const FitOptions& o
       fit_polynomial_qr(runs, options.order, axis->t0_degc, axis->range_degc, belief, dt_s, options.shared_turn_on);
   fit.sigma_basis = model ? "model" : "residuals";
   return fit;
+}
+
+// Without a model no rule compares the residual with its noise: what anybody would see in it is told.
+void note_shape(const std::vector<Log>& logs, const std::vector<FitRun>& runs, const FitAxis& axis, FitResult* result) {
+  const ResidualShape shape = shape_of(residuals_of(runs, axis), axis.dt_s);
+  const double mean_s = shape.mean_s;
+  if (shape.jump_times > kJump_times)
+    result->warnings.push_back(format(
+        "%s: the residual jumps by about %s %s at %.0f s of %s, %.0f times what its means over %.0f s usually do: no "
+        "polynomial holds that; ask diagnose, or cut the log there",
+        axis.axis.c_str(), in_digits(shape.jump_dph, 2).c_str(), axis.unit(),
+        logs[shape.jump_run].t_s[0] + static_cast<double>(shape.jump_row) * axis.dt_s,
+        logs[shape.jump_run].path.c_str(), shape.jump_times, mean_s));
+  if (shape.warm_up_times > kWarmUp_times)
+    result->warnings.push_back(
+        format("%s: the first %.0f s of %s lie %s %s off the polynomial, %.0f times what is usual: a "
+               "warm-up? let the device warm up before, or cut the start off",
+               axis.axis.c_str(), mean_s, logs[shape.warm_up_run].path.c_str(), in_digits(shape.warm_up_dph, 2).c_str(),
+               axis.unit(), shape.warm_up_times));
 }
 
 // The delay of a thermometer that is renewed seldom, by the log where it costs most.  Its quantum is what `calibrate record`
@@ -428,6 +490,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
                                : fit_polynomial(runs, options, dt_s, &axis);
   take_fit(fit, &axis);
   take_residuals(runs, &axis);
+  if (!model) note_shape(logs, runs, axis, result);
   take_renewal(logs, &axis, result);
   if (fit.n_refused > 0)
     result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) +

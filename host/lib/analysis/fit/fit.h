@@ -82,8 +82,10 @@ struct FitAxis {
   imucal_health_verdict_t health{}; // the core's rules; those that compare with a model only where one was given
   long n_rejected = 0, n_bad_temperature = 0; // seconds left out: knocks, readings that no thermometer reaches
   std::string first_left_out;                 // "LOG at T s" of the first one, empty where there is none
-  std::vector<std::string> not_judged;        // rules that the logs, or no model, leave without a verdict
-  double error_factor = 1;                    // how many times sigma_dph is too small by what the innovations say
+  long n_far_off = 0;                  // single seconds far off the polynomial, where the rules speak of the rate
+  std::string first_far_off;           // "LOG at T s"
+  std::vector<std::string> not_judged; // rules that the logs, or no model, leave without a verdict
+  double error_factor = 1;             // how many times sigma_dph is too small by what the innovations say
   const char* unit() const { return axis_unit(axis); } // of every member named _dph
   double worst_sigma_dph() const { return *std::max_element(sigma_dph.begin(), sigma_dph.end()); }
   // What is said of `renewal` where no rule (temp-held) says it; empty: nothing.

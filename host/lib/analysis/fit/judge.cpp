@@ -50,8 +50,14 @@ std::string number(double value) {
   return format("%.3g", value);
 }
 
+std::string far_off_text(const FitAxis& axis) {
+  return std::to_string(axis.n_far_off) + (axis.n_far_off == 1 ? " second lies" : " seconds lie") +
+         " far off the polynomial (the first: " + axis.first_far_off + ")";
+}
+
 // What to do where there is more noise than the model has.
 std::string remedy_of_noise(const FitAxis& axis) {
+  if (axis.n_far_off > 0) return "mend or cut first the seconds that lie far off";
   if (axis.lossy_frac <= kManyLossy) return "identify the model anew";
   return format("samples are missing in %.3g %% of the seconds: mend that first (losses between sensor and board, or a "
                 "rate_hz that is not the sensor's), no model will",
@@ -76,8 +82,8 @@ std::string text_of(uint32_t rule, const FitAxis& axis) {
   case IMUCAL_HEALTH_FAULTY:
     return "the sensor reports a fault in " + percent + " of the seconds";
   case IMUCAL_HEALTH_TEMP_STUCK:
-    return "while the temperature stands the rate moves by " + value +
-           " standard deviations: is the thermometer stuck?";
+    return "while the temperature stands the rate moves by " + value + " standard deviations: " +
+           (axis.n_far_off > 0 ? far_off_text(axis) + ", which do that" : "is the thermometer stuck?");
   case IMUCAL_HEALTH_TEMP_JUMP:
     return "the temperature jumps to another level " + value + " times: no sensor does that";
   case IMUCAL_HEALTH_TEMP_SPIKES:
@@ -97,6 +103,7 @@ std::string text_of(uint32_t rule, const FitAxis& axis) {
   case IMUCAL_HEALTH_SLOW:
     return "slow noise (blocks of 256 s) has " + value + " times the variance that the model predicts" + honest;
   case IMUCAL_HEALTH_REJECTS:
+    if (axis.n_far_off > 0) return far_off_text(axis) + ": bit errors, resets or knocks? mend or cut them";
     return "knocks" +
            (axis.health.value[rule] >= 1 ? std::string(" of a minute and more")
                                          : " in " + percent + " of the seconds") +
@@ -119,8 +126,9 @@ void judge_residual(const ErrorModel& model, double dt_s, const FitAxis& axis, s
   if (axis.residual_rms_dph <= limit) return;
   reasons->push_back({axis.axis, "residual", axis.residual_rms_dph, limit,
                       "residual " + number(axis.residual_rms_dph) + " rms, but noise of the model makes " +
-                          number(std::sqrt(variance)) + " (limit " + number(limit) +
-                          "): the polynomial misses something, or the model does"});
+                          number(std::sqrt(variance)) + " (limit " + number(limit) + "): " +
+                          (axis.n_far_off > 0 ? "the seconds that lie far off do that"
+                                              : "the polynomial misses something, or the model does")});
 }
 
 void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_s, const FitAxis& axis, long best_n,
