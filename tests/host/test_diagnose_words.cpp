@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 
+#include "diagnose/headline.h"
 #include "diagnose/report.h"
 #include "diagnose/report_text.h"
 // After the others: it defines a macro `fail`.
@@ -148,8 +149,8 @@ static void test_a_name_that_is_left_is_nearest_in_the_headline(void**) {
 
 static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
   const std::string weak = said(Verdict::kExplained, {effect_of("warm_up", 1.1)}, {});
-  assert_has(weak, "explained by little more than a name must gain");
-  assert_has(weak, "weak evidence: odds of 3 to 1 beyond");
+  assert_has(weak, "a gap, weakly explained");
+  assert_has(weak, "weak evidence, odds of 3.0 to 1: confirm it");
   const std::string strong = said(Verdict::kExplained, {effect_of("warm_up", 3.1)}, {});
   assert_has(strong, "a gap, explained: warm_up\n");
   assert_lacks(strong, "weak evidence");
@@ -193,7 +194,7 @@ static void test_an_undecided_answer_has_no_evidence(void**) {
 static void test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong(void**) {
   const std::string text =
       said(Verdict::kExplained, {effect_of("warm_up", 0.1), effect_of("noise_parameters", 9000)}, {});
-  assert_has(text, "explained by little more than a name must gain");
+  assert_has(text, "a gap, weakly explained");
   assert_has(said(Verdict::kExplained, {effect_of("noise_parameters", 9000)}, {}),
              "a gap, explained: noise_parameters\n");
 }
@@ -227,7 +228,7 @@ static void test_the_sign_of_a_lag_is_told(void**) {
   s.verdict = Verdict::kExplained, s.effects = {effect_of("thermal_lag", 20)};
   Parameters& tau = s.effects[0].term.fixed_parameters;
   tau = {{"tau_s", 120.0}};
-  const std::string remark = "a negative tau_s: the thermometer lags the gyro";
+  const std::string remark = "the thermometer lags the gyro: its time constant is told as a negative one";
   assert_lacks(said(s.verdict, s.effects, {}), remark.c_str());
   Json effect = told(s)["effects"][0];
   assert_string_equal(effect["label"].text().c_str(), find_effect("thermal_lag").label().c_str());
@@ -258,16 +259,70 @@ static void test_findings_stand_in_the_order_of_what_they_add(void**) {
   assert_true(text.find("effect  thermal_lag") < text.find("effect  warm_up"));
   assert_true(text.find("effect  warm_up") < text.find("note    quantization"));
   s.effects = {lattice, effect_of("warm_up", 1.1)};
-  assert_has(diagnosis_text(result), "explained by little more than a name must gain: warm_up\n");
+  assert_has(diagnosis_text(result), "a gap, weakly explained: warm_up\n");
   s.effects[0].rms_dph = 60; // more than a twentieth of the variance
   assert_has(diagnosis_text(result), "gx_dph: a gap, explained: ");
   assert_has(diagnosis_text(result), "effect  quantization");
   // Notes alone are no gap, and no part of the headline.
   s.effects.resize(1), s.effects[0].rms_dph = 0.5, s.verdict = Verdict::kNoGap;
+  axis.is_believed = true;
   assert_has(diagnosis_text(result), "gx_dph: no gap that these logs can show\n");
   assert_has(diagnosis_text(result), "  note    quantization");
   s.verdict = Verdict::kUnexplained;
   assert_has(diagnosis_text(result), "gx_dph: a gap that no known effect explains\n");
+}
+
+// What was not asked stands in the headline; what the profiles hide is said last, in words, and not there.
+static void test_a_healthy_axis_says_what_was_not_asked_and_last_what_is_hidden(void**) {
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph", axis.is_believed = true;
+  axis.campaign.runs.resize(1);
+  axis.study.selection.verdict = Verdict::kNoGap;
+  Detectability warm;
+  warm.name = "warm_up", warm.is_notable = false, warm.smallest = 87.4;
+  warm.smallest_detectable = {{"amplitude_dph", 87.4}, {"tau_s", 320.0}};
+  axis.identifiability.effects = {warm};
+  const char* const seen_last = "A warm up smaller than 87 dph (time constant 320 s) cannot be seen in this log.\n";
+  std::string text = diagnosis_text(result);
+  assert_has(text, "gx_dph: no gap that these logs can show\nadvice    Record at least four runs");
+  assert_has(text, seen_last);
+  assert_true(text.find(seen_last) + std::string(seen_last).size() == text.size());
+  axis.nominal_fit.residual.resize(1), axis.plain_fit.residual.resize(1), axis.final_fit.residual.resize(1);
+  assert_has(statement(axis),
+             "no gap that these logs can show; not detectable on these profiles: a warm up smaller than 87 dph");
+  assert_true(!is_of_noise_alone(axis));
+  axis.is_believed = false;
+  assert_has(diagnosis_text(result),
+             "can show; the noise was estimated from these logs, so slow waves in them count as noise");
+  axis.campaign.has_temperature = false;
+  text = diagnosis_text(result);
+  assert_has(text, "gx_dph: only noise was judged, and it shows no gap: these logs have no temperatures");
+  assert_has(text, "\nadvice    Record the temperature with the rates (column temp_degc)");
+  const Json told_axis = diagnosis_json({}, result)["axes"][0];
+  assert_string_equal(told_axis["title"].text().c_str(), "only noise judged");
+  assert_true(told_axis["is_of_noise_alone"] == Json(true) && told_axis["is_noise_estimated"] == Json(true));
+  axis.axis = "ax_mg", axis.campaign.is_temperature_steady = true;
+  assert_has(diagnosis_text(result), "A warm up smaller than 87 mg");
+  assert_has(diagnosis_text(result), "the temperature hardly moves");
+}
+
+// Hardware first; the loop by its branches, the error in two digits.
+static void test_a_named_cause_is_followed_by_the_hardware_to_look_at(void**) {
+  SelectedEffect loop = effect_of("thermal_hysteresis", 37.14);
+  loop.term.fixed_parameters = {{"amplitude_dph", Measured{-75.594, 2.31}}, {"width_degc", Measured{4.906, 0.19}}};
+  const std::string text = said(Verdict::kExplained, {loop}, {});
+  assert_has(text, "amplitude_dph -75.6 +- 2.3, width_degc 4.91 +- 0.19 (evidence 37 nats)\n");
+  assert_has(text, "          the branch of rising temperature is higher, by up to 151.2 +- 4.6 dph\n");
+  assert_has(text, "advice    Look at the hardware (thermal hysteresis): stress of die attach");
+  assert_true(text.find("Look at the hardware") < text.find("Record at least four runs"));
+  loop.term.fixed_parameters = {{"amplitude_dph", Measured{30, 2}}};
+  assert_has(said(Verdict::kExplained, {loop}, {}),
+             "the branch of falling temperature is higher, by up to 60.0 +- 4.0 dph");
+  SelectedEffect jumps = effect_of("bias_step", 50);
+  jumps.term.fixed_parameters = {{"steps", std::vector<StepValue>{{0, 7001.5, Measured{-187.3, 7.2}}}}};
+  assert_has(said(Verdict::kExplained, {jumps}, {}), "bias_step: -187.3 +- 7.2 dph at 7001.5 s (");
 }
 
 // An answer with a figure of the held-out data.
@@ -453,6 +508,8 @@ int main() {
       cmocka_unit_test(test_a_family_that_is_told_is_in_the_headline),
       cmocka_unit_test(test_a_family_is_told_with_what_is_open),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),
+      cmocka_unit_test(test_a_healthy_axis_says_what_was_not_asked_and_last_what_is_hidden),
+      cmocka_unit_test(test_a_named_cause_is_followed_by_the_hardware_to_look_at),
       cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
       cmocka_unit_test(test_a_statement_is_printed_in_the_place_of_the_doubt),
       cmocka_unit_test(test_an_undecided_answer_has_no_evidence),

@@ -178,7 +178,7 @@ static void test_logs_rounded_to_other_steps_are_told_one_by_one(void**) {
     assert_true(std::fabs(found[i].parameters.number("lsb_dph") - steps[i]) < 1e-9);
     for (size_t r = 0; r < 6; ++r)
       assert_true(std::fabs(found[i].white_dph2[r] - (r % 3 == 1 + i ? steps[i] * steps[i] / 12 : 0)) < 1e-6);
-    assert_string_equal(found[i].statement.c_str(), "rates lie on a lattice");
+    assert_string_equal(found[i].statement.c_str(), "rates are multiples of one step");
   }
   assert_findings(rounded_each(0, 100, {1e-4, 1e-4, 60, 1e-4}, 1), "quantization", "one log of four");
   assert_findings(rounded_each(0, 100, {1, 1, 0.5, 0.1}, 1), "", "steps that add nothing to the noise");
@@ -193,7 +193,7 @@ static void test_one_step_of_all_logs_is_one_lattice(void**) {
     assert_int_equal(found.size(), 1);
     assert_true(std::fabs(found[0].parameters.number("lsb_dph") - 36) < 1e-9);
     for (const double white_dph2 : found[0].white_dph2) assert_true(std::fabs(white_dph2 - 108) < 1e-6);
-    assert_string_equal(found[0].statement.c_str(), "all rates lie on a lattice");
+    assert_string_equal(found[0].statement.c_str(), "all rates are multiples of one step");
   }
 }
 

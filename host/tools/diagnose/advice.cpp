@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "base/axis_unit.h"
+#include "base/digits.h"
+#include "diagnose/effect_words.h"
 #include "diagnose/words.h"
 
 namespace imucal {
@@ -13,7 +15,7 @@ namespace {
 
 constexpr double kNoSize = 1e6;     // sizes beyond are no sizes: nothing would show
 constexpr double kMuchBetter = 1.5; // how many times smaller a size has to be for a profile to help
-constexpr double kThreeDigits = 1000;
+constexpr int kSizeDigits = 2;
 constexpr size_t kFewRuns = 4;
 
 bool is_in_answer(const SelectedEffect& e, const std::string& name) {
@@ -28,19 +30,29 @@ const Detectability* found_in(const Identifiability& list, const std::string& na
   return nullptr;
 }
 
-// "amplitude_dph 61 (tau_s 320)": the size first, then the shape it is of.
+// The name of a parameter without its unit: "width_degc" -> "width".
+std::string quantity(const std::string& name) {
+  if (name == "tau_s") return "time constant";
+  size_t end = name.size();
+  for (const char* unit : {"_dph", "_degc", "_hz", "_mg"}) end = std::min(end, name.find(unit));
+  if (end == name.size() && end > 2 && name.compare(end - 2, 2, "_s") == 0) end -= 2;
+  return in_plain_words(name.substr(0, end));
+}
+std::string value_text(const std::string& name, double value, const AxisResult& axis) {
+  const std::string unit = unit_of(name, axis_unit(axis.axis));
+  return in_digits(value, kSizeDigits) + (unit.empty() ? "" : " " + unit);
+}
+
+// "61 dph (time constant 320 s)": the size first, then the shape it is of.
 std::string size_text(const Detectability& d, const AxisResult& axis, double times = 1) {
   std::string size; // the first of its numbers; the others are its shape
   std::vector<std::string> shape;
   for (const ParameterValue& p : d.smallest_detectable) {
     if (p.kind != EffectParameter::kNumber || (!size.empty() && p.number.value == 0)) continue;
-    const double value = size.empty() ? times * p.number.value : p.number.value;
-    const std::string text =
-        name_in_unit(p.name, axis_unit(axis.axis)) + format(std::fabs(value) < kThreeDigits ? " %.3g" : " %.0f", value);
     if (size.empty())
-      size = text;
+      size = value_text(p.name, times * p.number.value, axis);
     else
-      shape.push_back(text);
+      shape.push_back(quantity(p.name) + " " + value_text(p.name, p.number.value, axis));
   }
   return size + (shape.empty() ? "" : " (" + joined(shape, ", ") + ")");
 }
@@ -52,8 +64,9 @@ double largest_size(const std::string& name) {
              : std::min(kNoSize, parameters.front().hi);
 }
 std::string below_text(const std::string& name, const Detectability* d, const AxisResult& axis, double times = 1) {
-  if (!d || !(d->smallest * times < largest_size(name))) return name + " of any size";
-  return name + " below " + size_text(*d, axis, times);
+  const std::string what = with_article(in_plain_words(name));
+  if (!d || !(d->smallest * times < largest_size(name))) return what + " of any size";
+  return what + " smaller than " + size_text(*d, axis, times);
 }
 
 bool is_of_pair(const Alike& pair, const std::string& a, const std::string& b) {
@@ -71,14 +84,14 @@ std::vector<std::string> gains_of_advised(const AxisResult& axis) {
     if (!d->column.empty()) continue;
     const Detectability* then = found_in(axis.with_advised, d->name);
     if (then && (then->is_notable || kMuchBetter * then->smallest < d->smallest) && then->smallest < kNoSize)
-      shown.push_back(d->name + " from " + size_text(*then, axis));
+      shown.push_back(with_article(in_plain_words(d->name)) + " from " + size_text(*then, axis));
   }
   const std::vector<Alike>& still = axis.with_advised.indistinguishable;
   for (const Alike& pair : open_pairs(axis))
     if (found_in(axis.with_advised, pair.first) && std::none_of(still.begin(), still.end(), [&](const Alike& other) {
           return is_of_pair(other, pair.first, pair.second);
         }))
-      told.push_back(pair.first + " from " + pair.second);
+      told.push_back(in_plain_words(pair.first) + " from " + in_plain_words(pair.second));
   if (!shown.empty()) out.push_back("show " + joined(shown, ", "));
   if (!told.empty()) out.push_back("tell " + joined(told, ", "));
   return out;
@@ -104,15 +117,17 @@ std::string pairs_text(const AxisResult& axis) {
   return joined(out, "; ");
 }
 
-void add_of_temperature(const AxisResult& axis, std::vector<std::string>* out) {
+std::string step_for_temperature(const AxisResult& axis) {
   if (axis.campaign.is_temperature_steady)
-    out->push_back(
-        "The temperature hardly moves: only effects that need none were looked for. To ask for thermal causes, "
-        "record logs in which it moves.");
-  else if (!axis.campaign.has_temperature)
-    out->push_back(
-        "No temperatures in the log: only effects that need none were looked for. Record the temperature with the "
-        "rates (column temp_degc).");
+    return "Record logs in which the temperature moves: in these it hardly does, so no thermal cause was looked for.";
+  if (!axis.campaign.has_temperature)
+    return "Record the temperature with the rates (column temp_degc): without it no thermal cause was looked for.";
+  return "";
+}
+
+// "these logs", which the sentence is of.
+const char* these_logs(const AxisResult& axis) {
+  return axis.campaign.runs.size() == 1 ? "this log" : "these logs";
 }
 
 } // namespace
@@ -126,11 +141,14 @@ std::vector<const Detectability*> hidden_effects(const AxisResult& axis) {
       out.push_back(&d);
   return out;
 }
-std::string hidden_text(const AxisResult& axis) {
+static std::vector<std::string> hidden_texts(const AxisResult& axis) {
   std::vector<std::string> out;
   for (const Detectability* d : hidden_effects(axis))
     if (d->column.empty()) out.push_back(below_text(d->name, d, axis));
-  return joined(out, ", ");
+  return out;
+}
+std::string hidden_text(const AxisResult& axis) {
+  return joined(hidden_texts(axis), ", ");
 }
 
 std::vector<Alike> open_pairs(const AxisResult& axis) {
@@ -152,30 +170,60 @@ std::string constant_offsets() {
   return "Constant offsets (earth rate, attitude) are absorbed by the constant of each log and cannot be seen.";
 }
 
-std::vector<std::string> advice(const AxisResult& axis) {
+std::vector<std::string> hardware_to_look_at(const AxisResult& axis) {
+  std::vector<std::string> out;
+  for (size_t i : reading_order(axis)) {
+    const SelectedEffect& e = axis.study.selection.effects[i];
+    if (is_note(axis, e) || e.doubt == Doubt::kSlowNoise || !e.term.effect) continue;
+    std::vector<std::string> causes;
+    for (const HardwareCause& cause : e.term.effect->meaning(values_of(axis, e)).hardware_causes)
+      causes.push_back(cause.what);
+    if (!causes.empty())
+      add_once("Look at the hardware (" + in_plain_words(e.term.effect->name()) + "): " + joined(causes, "; or ") + ".",
+               &out);
+  }
+  return out;
+}
+
+std::vector<std::string> steps(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   const auto is_undecided = [](const SelectedEffect& e) { return e.doubt == Doubt::kSlowNoise; };
   std::vector<std::string> out;
-  add_of_temperature(axis, &out);
-  if (const std::string hidden = hidden_text(axis); !hidden.empty())
-    out.push_back("These logs would not show " + hidden +
-                  ": an answer without them is not an answer that they are absent." +
-                  (axis.campaign.has_temperature ? "" : " Longer logs would show smaller ones."));
+  if (const std::string step = step_for_temperature(axis); !step.empty()) out.push_back(step);
   for (const Detectability* d : hidden_effects(axis))
     if (!d->column.empty()) out.push_back(advice_on_column(*d));
-  if (const std::string alike = pairs_text(axis); !alike.empty())
-    out.push_back("These logs do not tell apart " + alike + ".");
-  if (advised_profile_helps(axis))
-    out.push_back(
-        "Four runs of the advised profile, two of them mirrored (from the hottest temperature, down for up and up for "
-        "down), would " +
-        joined(gains_of_advised(axis), ", and ") + ".");
   if (std::any_of(s.effects.begin(), s.effects.end(), is_undecided))
     out.push_back("Repeat the runs: with the same temperatures a cause comes back, slow noise does not.");
-  if (axis.campaign.runs.size() == 1)
-    out.push_back("One log only: what differs from run to run cannot be seen; record at least four runs.");
+  if (advised_profile_helps(axis))
+    out.push_back(
+        "Record four runs of the advised profile, two of them mirrored (from the hottest temperature, down for "
+        "up and up for down). They would " +
+        joined(gains_of_advised(axis), ", and ") + ".");
   else if (axis.campaign.runs.size() < kFewRuns)
-    out.push_back("Fewer than four runs: run_to_run changes can hardly be told from the other effects.");
+    out.push_back("Record at least four runs.");
+  return out;
+}
+
+std::vector<std::string> limits(const AxisResult& axis) {
+  std::vector<std::string> out;
+  const std::vector<std::string> hidden = hidden_texts(axis);
+  if (axis.campaign.runs.size() == 1)
+    out.push_back("One log cannot show what differs from run to run.");
+  else if (axis.campaign.runs.size() < kFewRuns)
+    out.push_back("Fewer than four logs can hardly tell what differs from run to run from other causes.");
+  const std::string longer = axis.campaign.has_temperature ? "" : " Longer logs would show smaller ones.";
+  if (hidden.size() == 1)
+    out.push_back(capitalised(hidden[0]) + " cannot be seen in " + these_logs(axis) + "." + longer);
+  else if (!hidden.empty())
+    out.push_back("Cannot be seen in " + std::string(these_logs(axis)) + ": " + joined(hidden, ", ") + "." + longer);
+  if (const std::string alike = pairs_text(axis); !alike.empty())
+    out.push_back(capitalised(these_logs(axis)) + " cannot tell apart " + alike + ".");
+  return out;
+}
+
+std::vector<std::string> advice(const AxisResult& axis) {
+  std::vector<std::string> out = steps(axis);
+  for (const std::string& limit : limits(axis)) out.push_back(limit);
   out.push_back(constant_offsets());
   return out;
 }

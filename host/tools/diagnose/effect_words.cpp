@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/axis_unit.h"
+#include "base/digits.h"
 #include "diagnose/noise_words.h"
 #include "diagnose/words.h"
 
@@ -34,6 +35,16 @@ const char* doubt_text(Doubt doubt) {
   return "";
 }
 
+// The amplitude is half of the opening, positive where the falling temperature has the higher branch.
+std::string loop_in_words(const AxisResult& axis, const SelectedEffect& e) {
+  const Parameters values = values_of(axis, e);
+  const ParameterValue* amplitude = values.find("amplitude_dph");
+  if (!amplitude) return "";
+  const Measured& half = amplitude->number;
+  return std::string("the branch of ") + (half.value < 0 ? "rising" : "falling") + " temperature is higher, by up to " +
+         with_error(2 * std::fabs(half.value), 2 * half.std_error) + " " + axis_unit(axis.axis);
+}
+
 } // namespace
 
 // Slow noise that a repeatable cause equals has no evidence of its own: neither gains over the other.
@@ -52,7 +63,9 @@ bool is_weak(const SelectedEffect& e) {
 
 // What the numbers mean, where they alone do not say it.
 std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
-  return e.term.effect && e.doubt != Doubt::kSlowNoise ? noise_over_temperature(e.term, axis.campaign) : "";
+  if (!e.term.effect || e.doubt == Doubt::kSlowNoise) return "";
+  return e.term.effect->name() == "thermal_hysteresis" ? loop_in_words(axis, e)
+                                                       : noise_over_temperature(e.term, axis.campaign);
 }
 
 // In the axis' unit: a tenth of a dph, or three digits of a few mg.
@@ -106,8 +119,8 @@ std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect
   const EffectMeaning meaning = e.term.effect ? e.term.effect->meaning(values_of(axis, e)) : EffectMeaning();
   if (!meaning.remark.empty()) out.push_back(meaning.remark);
   if (is_weak(e))
-    out.push_back(format("weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it",
-                         std::exp(std::max(0.0, e.evidence_nats))));
+    out.push_back("weak evidence, odds of " + in_digits(std::exp(std::max(0.0, e.evidence_nats)), 2) +
+                  " to 1: confirm it by another log");
   if (const std::string statement = statement_of(e); !statement.empty()) out.push_back(statement);
   if (is_shared_noise(e)) out.push_back(as_simulated(axis, e));
   if (is_note(axis, e))

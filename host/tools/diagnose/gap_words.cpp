@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/axis_unit.h"
+#include "base/digits.h"
 #include "diagnose/effect_words.h"
 #include "diagnose/words.h"
 
@@ -46,9 +47,8 @@ std::string steps_text(const std::vector<StepValue>& steps, bool tells_log, cons
     char line[120];
     const Measured& size = step.amplitude_dph;
     out += out.empty() ? "" : ", ";
-    std::snprintf(line, sizeof line, "%+.4g", size.value), out += line;
-    if (std::isfinite(size.std_error)) std::snprintf(line, sizeof line, " +- %.2g", size.std_error), out += line;
-    std::snprintf(line, sizeof line, " %s at %.0f s", unit, step.t_s), out += line;
+    out += (size.value >= 0 ? "+" : "") + with_error(size.value, size.std_error);
+    std::snprintf(line, sizeof line, " %s at %.10g s", unit, step.t_s), out += line;
     if (tells_log) out += " of log " + std::to_string(step.log + 1);
   }
   return out;

@@ -78,13 +78,17 @@ bool is_undecided(const Selection& s) {
 
 } // namespace
 
+bool is_of_noise_alone(const AxisResult& axis) {
+  return !axis.campaign.has_temperature;
+}
+
 // The verdict in a few words, never more than the headline says.
 std::string title(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   if (!is_judged(axis)) return "no answer";
   switch (s.verdict) {
   case Verdict::kNoGap:
-    return "no gap found";
+    return is_of_noise_alone(axis) ? "only noise judged" : "no gap found";
   case Verdict::kExplained:
     return has_weak_causes_only(axis) ? "gap, weakly explained" : "gap explained";
   case Verdict::kPartlyExplained:
@@ -109,22 +113,30 @@ std::string names_told(const AxisResult& axis) {
   return joined(names, ", ");
 }
 
+// Without a model slow waves are taken for noise; without temperatures nothing else was asked.
+std::string no_gap(const AxisResult& axis) {
+  std::string out = "no gap that these logs can show";
+  if (is_of_noise_alone(axis))
+    out = std::string("only noise was judged, and it shows no gap: ") +
+          (axis.campaign.is_temperature_steady ? "the temperature hardly moves" : "these logs have no temperatures");
+  if (!axis.is_believed)
+    out += "; the noise was estimated from these logs, so slow waves in them count as noise (--model judges them)";
+  return out;
+}
+
 } // namespace
 
-// The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
+// The answer in a sentence.
 std::string headline(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   if (!is_judged(axis)) return "no answer: " + why_refused(axis);
   const std::string names = names_told(axis);
   const auto with = [&](const char* between) { return names.empty() ? "" : between + names; };
   switch (s.verdict) {
-  case Verdict::kNoGap: {
-    const std::string hidden = hidden_text(axis);
-    return "no gap that these logs can show" + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
-  }
+  case Verdict::kNoGap:
+    return no_gap(axis);
   case Verdict::kExplained:
-    return (has_weak_causes_only(axis) ? "a gap, explained by little more than a name must gain" : "a gap, explained") +
-           with(": ");
+    return (has_weak_causes_only(axis) ? "a gap, weakly explained" : "a gap, explained") + with(": ");
   case Verdict::kPartlyExplained:
     if (is_undecided(s))
       return "a gap: slow noise or a repeatable cause, these logs cannot tell" + with("; beside it ");
@@ -135,15 +147,20 @@ std::string headline(const AxisResult& axis) {
   return "";
 }
 
+// Silence of a profile is no answer on what it cannot show.
+std::string statement(const AxisResult& axis) {
+  const bool is_healthy = is_judged(axis) && axis.study.selection.verdict == Verdict::kNoGap;
+  const std::string hidden = is_healthy ? hidden_text(axis) : "";
+  return headline(axis) + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
+}
+
 std::vector<std::string> notes(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   std::vector<std::string> out;
   for (const SelectedEffect& e : s.dropped)
-    out.push_back(
-        name_of(e) +
-        format(
-            " would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
-            e.gain_nats, e.held_out_nats));
+    out.push_back(name_of(e) + format(" would explain the fitted logs (%.0f nats), but the held-out data do not "
+                                      "support it (%.1f nats): not named",
+                                      e.gain_nats, e.held_out_nats));
   for (const SelectedEffect& e : s.effects)
     if (e.is_any_shape && !e.is_family)
       out.push_back(

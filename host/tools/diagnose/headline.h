@@ -8,8 +8,12 @@
 
 namespace imucal {
 
-// The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
+// The answer in a sentence.
 std::string headline(const AxisResult& axis);
+// The same, and with no gap what the profiles could not have shown.
+std::string statement(const AxisResult& axis);
+// No temperatures, or steady ones: no thermal cause was looked for.
+bool is_of_noise_alone(const AxisResult& axis);
 // The verdict in a few words, never more than the headline says.
 std::string title(const AxisResult& axis);
 std::vector<std::string> notes(const AxisResult& axis);

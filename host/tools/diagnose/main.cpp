@@ -7,6 +7,7 @@
 #include "analysis/diagnose/diagnose.h"
 #include "base/units.h"
 #include "cli/program.h"
+#include "cli/text.h"
 #include "diagnose/library_json.h"
 #include "diagnose/report.h"
 #include "diagnose/report_text.h"
@@ -112,10 +113,10 @@ Exit run(Request* r) {
   if (!r->model_out.empty()) write_json(r->model_out, to_json(result.model));
   const std::vector<std::string> not_judged = unanswered(result);
   if (common.talks()) {
-    std::cout << diagnosis_text(result);
+    say(stdout, diagnosis_text(result));
   } else {
-    for (const std::string& warning : result.warnings) std::cerr << "diagnose: warning: " << warning << "\n";
-    for (const std::string& line : not_judged) std::cerr << "diagnose: " << line << "\n";
+    for (const std::string& warning : result.warnings) say(stderr, "diagnose: warning: " + warning + "\n");
+    for (const std::string& line : not_judged) say(stderr, "diagnose: " + line + "\n");
   }
   return not_judged.empty() ? Exit::kDone : Exit::kNegative;
 }

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/digits.h"
+
 namespace imucal {
 
 namespace {
@@ -29,12 +31,11 @@ std::string times_as_large(const Sloped& sloped, double slope, double slope_erro
   const double exponent = sloped.part * (hi_degc - lo_degc) / campaign.range_degc;
   const bool grows = exponent * slope > 0;
   const double times = std::exp(std::fabs(exponent * slope)), error = times * std::fabs(exponent) * slope_error;
-  char text[300], spread[40] = "";
-  if (std::isfinite(error) && error > 0) std::snprintf(spread, sizeof spread, " +- %.2g", error);
+  char text[300];
   std::snprintf(text, sizeof text,
-                "%s is %.3g%s times as %s at %g degC as at %g degC (slope: of %s, per unit of (T - %g degC) / %g degC)",
-                sloped.what, times, spread, sloped.large, grows ? hi_degc : lo_degc, grows ? lo_degc : hi_degc,
-                sloped.slope_of, campaign.t0_degc, campaign.range_degc);
+                "%s is %s times as %s at %g degC as at %g degC (slope: of %s, per unit of (T - %g degC) / %g degC)",
+                sloped.what, with_error(times, error).c_str(), sloped.large, grows ? hi_degc : lo_degc,
+                grows ? lo_degc : hi_degc, sloped.slope_of, campaign.t0_degc, campaign.range_degc);
   return text;
 }
 

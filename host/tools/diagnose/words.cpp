@@ -2,6 +2,7 @@
 #include "diagnose/words.h"
 
 #include <algorithm>
+#include <cctype>
 
 namespace imucal {
 
@@ -12,6 +13,18 @@ std::string joined(const std::vector<std::string>& list, const char* between) {
   std::string out;
   for (const std::string& text : list) out += (out.empty() ? "" : between) + text;
   return out;
+}
+
+std::string in_plain_words(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+std::string with_article(const std::string& words) {
+  return (std::string("aeiou").find(words[0]) == std::string::npos ? "a " : "an ") + words;
+}
+std::string capitalised(std::string sentence) {
+  if (!sentence.empty()) sentence[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(sentence[0])));
+  return sentence;
 }
 
 std::string name_of(const CandidateEvidence& c) {

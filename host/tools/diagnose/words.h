@@ -13,6 +13,12 @@ namespace imucal {
 void add_once(const std::string& text, std::vector<std::string>* said);
 std::string joined(const std::vector<std::string>& list, const char* between);
 
+// "warm_up" -> "warm up".
+std::string in_plain_words(std::string name);
+// "a warm up", "an outlier".
+std::string with_article(const std::string& words);
+std::string capitalised(std::string sentence);
+
 // The name of an effect, or of the family that stands for it.
 std::string name_of(const CandidateEvidence& c);
 std::string name_of(const SelectedEffect& e);

@@ -91,6 +91,11 @@ std::string unit_of(const std::string& parameter_name) {
   return "";
 }
 
+std::string unit_of(const std::string& parameter_name, const std::string& axis_unit) {
+  const std::string gyro = "dph", unit = unit_of(parameter_name);
+  return unit.compare(0, gyro.size(), gyro) == 0 ? axis_unit + unit.substr(gyro.size()) : unit;
+}
+
 std::string EffectParameter::unit() const {
   return kind == kNumber ? unit_of(name) : "";
 }

@@ -31,6 +31,8 @@ struct EffectParameter {
 
 // Unit of a parameter in plain words, by the end of its name: "sigma_dph" -> "dph"; "" for a pure number.
 std::string unit_of(const std::string& parameter_name);
+// Of an axis in that unit: "mg" for "dph".
+std::string unit_of(const std::string& parameter_name, const std::string& axis_unit);
 
 struct Measured {
   double value = 0;

@@ -50,7 +50,7 @@ public:
       found.white_dph2.assign(runs.size(), 0);
       for (const size_t r : lattice.runs) found.white_dph2[r] = std::pow(lattice.step_dph, 2) / 12;
       const bool is_everywhere = rounded.size() == runs.size();
-      found.statement = is_everywhere ? "all rates lie on a lattice" : "rates lie on a lattice";
+      found.statement = is_everywhere ? "all rates are multiples of one step" : "rates are multiples of one step";
       out.push_back(found);
     }
     return out;

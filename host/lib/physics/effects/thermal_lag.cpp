@@ -48,7 +48,7 @@ public:
               "response time in the data sheet of the thermometer; settings of driver and log"},
              {"the thermometer sits on another part (housing, other chip) that warms later than the sensing element",
               "Prikhodko et al., Sensors and Actuators A 201 (2013)"}},
-            "a negative tau_s: the thermometer lags the gyro"};
+            "the thermometer lags the gyro: its time constant is told as a negative one"};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"tau_s", -3000, 30000, "time constant; negative: the thermometer lags the gyro"}, start_parameter()};
