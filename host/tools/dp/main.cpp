@@ -11,8 +11,11 @@
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
 #include "base/axis_unit.h"
+#include "base/digits.h"
+#include "base/format.h"
 #include "base/parallel.h"
 #include "cli/program.h"
+#include "cli/text.h"
 #include "io/log.h"
 #include "io/notice.h"
 #include "physics/effects/closed_forms.h"
@@ -92,6 +95,11 @@ Json across_json(const std::vector<DpCurve>& curves) {
   return json;
 }
 
+// No more digits than the interval leaves.
+std::string digits_of(double value, const Interval& ci) {
+  return as_known(value, (ci.hi - ci.lo) / 2);
+}
+
 void print_curve(const DpCurve& c, const CurveIntervals& intervals) {
   const std::vector<Interval>& ci = intervals.ci;
   std::printf("%s %s %s %s\n%10s %12s %25s %9s\n", c.log.c_str(), c.axis.c_str(), to_text(c.type).c_str(),
@@ -99,12 +107,14 @@ void print_curve(const DpCurve& c, const CurveIntervals& intervals) {
               "windows");
   const size_t step = std::max<size_t>(1, c.tau_s.size() / 24);
   for (size_t i = 0; i < c.tau_s.size(); i += step)
-    std::printf("%10g %12.4f %12.4f %12.4f %9ld\n", c.tau_s[i], c.dp_dph[i], ci[i].lo, ci[i].hi, c.n[i]);
+    std::printf("%10g %12s %12s %12s %9ld\n", c.tau_s[i], digits_of(c.dp_dph[i], ci[i]).c_str(),
+                digits_of(ci[i].lo, ci[i]).c_str(), digits_of(ci[i].hi, ci[i]).c_str(), c.n[i]);
   const auto few = std::find(intervals.blocks.begin(), intervals.blocks.end(), 0);
   if (few != intervals.blocks.end())
-    std::printf(
-        "95 %%: from %g s on fewer than %ld blocks fit into the record: %s is assumed (known better: --ci-model)\n",
-        c.tau_s[static_cast<size_t>(few - intervals.blocks.begin())], kFewestBlocks, assumed_noise(c.type));
+    say(stdout,
+        format("95 %%: from %g s on fewer than %ld blocks fit into the record: %s is assumed (known better: "
+               "--ci-model)\n",
+               c.tau_s[static_cast<size_t>(few - intervals.blocks.begin())], kFewestBlocks, assumed_noise(c.type)));
 }
 
 // Curves of one log in bounded memory: once through for lengths and means, once for the curves.
@@ -194,8 +204,8 @@ void add_quantization(const DpCurve& c, double quantum, Session* session) {
   session->json["quantization"].push_back(
       {{"log", c.log}, {"axis", c.axis}, {"lsb_dph", quantum}, {"sigma_dph", sigma_dph}, {"unit", axis_unit(c.axis)}});
   if (session->o.common.talks())
-    std::printf("%s %s: values are multiples of %.4g %s: rounding adds %.3g %s of white noise per sample\n",
-                c.log.c_str(), c.axis.c_str(), quantum, axis_unit(c.axis), sigma_dph, axis_unit(c.axis));
+    tell("%s %s: values are multiples of %.4g %s: rounding adds %.3g %s of white noise per sample\n", c.log.c_str(),
+         c.axis.c_str(), quantum, axis_unit(c.axis), sigma_dph, axis_unit(c.axis));
 }
 
 // Degrees of freedom at each tau: of the model for the intervals, else of white noise.
@@ -209,7 +219,7 @@ std::vector<double> dof_of(const DpCurve& c, const DpOperator& op, std::vector<N
 
 void add_ratios(const DpRatios& r, Session* session) {
   session->json["ratios"].push_back(ratios_json(r));
-  if (session->o.common.talks()) std::printf("distribution: %s: %s\n\n", r.verdict.c_str(), r.statement.c_str());
+  if (session->o.common.talks()) say(stdout, "distribution: " + r.verdict + ": " + r.statement + "\n\n");
 }
 
 // What is found of one axis.

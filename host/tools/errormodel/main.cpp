@@ -8,16 +8,21 @@
 #include "analysis/errormodel/sanity.h"
 #include "analysis/errormodel/study.h"
 #include "base/axis_unit.h"
+#include "base/digits.h"
 #include "base/error.h"
+#include "base/format.h"
 #include "base/suggest.h"
 #include "base/units.h"
 #include "cli/program.h"
+#include "cli/text.h"
 #include "errormodel/trend.h"
 #include "io/log.h"
 
 using namespace imucal;
 
 namespace {
+
+constexpr size_t kMostRows = 30; // of a curve on a terminal
 
 struct Options {
   CommonOptions common;
@@ -111,12 +116,11 @@ std::vector<double> dp_of(const std::vector<double>& square) {
 // deg/sqrt(h).  People read them in mg.
 void print_model(const ErrorModel& m) {
   const bool accel = m.unit == "mg";
-  std::printf("white noise %.4g %s\n", accel ? white_sigma_dph(m.arw_deg_rt_h) : m.arw_deg_rt_h,
-              accel ? "mg/sqrt(Hz)" : "deg/sqrt(h)");
-  for (const Markov& t : m.markov)
-    std::printf("Markov      %.4g %s, %.4g s\n", t.sigma_dph, accel ? "mg" : "dph", t.tau_s);
+  tell("white noise %.4g %s\n", accel ? white_sigma_dph(m.arw_deg_rt_h) : m.arw_deg_rt_h,
+       accel ? "mg/sqrt(Hz)" : "deg/sqrt(h)");
+  for (const Markov& t : m.markov) tell("Markov      %.4g %s, %.4g s\n", t.sigma_dph, accel ? "mg" : "dph", t.tau_s);
   if (accel)
-    std::printf("accelerometer: the model file says \"unit\": \"mg\"; its arw_deg_rt_h is this white noise over 60\n");
+    tell("accelerometer: the model file says \"unit\": \"mg\"; its arw_deg_rt_h is this white noise over 60\n");
 }
 
 // The name of a parameter for people; JSON keeps the contract's.
@@ -128,6 +132,19 @@ std::string shown(const ParameterError& e, bool accel, double* factor) {
 
 void finish(const Options& o, const Json& json) {
   if (o.common.wants_json()) write_json(o.common.json_path, json);
+}
+
+// Few rows, evenly over the logarithm of tau, where there are many; the JSON has all.
+void print_curve(const DpOperator& op, const std::string& unit, const std::vector<double>& tau_s,
+                 const std::vector<double>& dp) {
+  tell("%10s %14s   (%s)\n", "tau_s", ("dp_" + unit).c_str(), to_text(op.type).c_str());
+  double next_s = 0;
+  for (size_t i = 0; i < tau_s.size(); ++i) {
+    const bool is_last = i + 1 == tau_s.size();
+    if (tau_s.size() > kMostRows && tau_s[i] < next_s && !is_last) continue;
+    next_s = tau_s[i] * std::pow(tau_s.back() / tau_s.front(), 1.0 / static_cast<double>(kMostRows - 1));
+    tell("%10g %14s\n", tau_s[i], in_digits(dp[i], 4).c_str());
+  }
 }
 
 Exit expect(const Options& given) {
@@ -150,9 +167,7 @@ Exit expect(const Options& given) {
   } else {
     dp = expected_dp_dph(model, op, tau_s);
   }
-  if (o.common.talks())
-    for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 30))
-      std::printf("%10g s %12.4f %s\n", tau_s[i], dp[i], model.unit_or_dph().c_str());
+  if (o.common.talks()) print_curve(op, model.unit_or_dph(), tau_s, dp);
   finish(o, {{"type", to_text(op.type)},
              {"tau_s", tau_s},
              {"dp_dph", dp},
@@ -227,10 +242,9 @@ void end_curve_at_whole_windows(const std::vector<Series>& all, const DpOperator
   const auto end = std::find_if(tau_s->begin(), tau_s->end(), needs_more);
   if (end == tau_s->end() || end == tau_s->begin()) return;
   tau_s->erase(end, tau_s->end());
-  std::fprintf(stderr,
-               "errormodel: samples are missing: the curve ends at %g s, beyond it no window is whole; the likelihood "
-               "takes every sample that is there\n",
-               tau_s->back());
+  warn("errormodel: samples are missing: the curve ends at %g s, beyond it no window is whole; the likelihood "
+       "takes every sample that is there\n",
+       tau_s->back());
 }
 
 FitInput read_fit_input(const Options& o) {
@@ -289,17 +303,17 @@ Judgement judge_data(const Options& o, const FitInput& in) {
     const Sanity sanity = sanity_of(raw[i], in.detrended[i]);
     const std::string place = printable(raw[i].log) + ": axis " + raw[i].axis + ": ";
     for (const SanityReason& r : sanity.reasons) {
-      std::fprintf(stderr, "errormodel: %s%s%s: %s\n", out.accepts(r) ? "accepted: " : "", place.c_str(),
-                   r.rule.c_str(), r.text.c_str());
+      say(stderr,
+          std::string("errormodel: ") + (out.accepts(r) ? "accepted: " : "") + place + r.rule + ": " + r.text + "\n");
       out.reasons.push_back(r);
     }
-    if (!sanity.note.empty()) std::fprintf(stderr, "errormodel: note: %s%s\n", place.c_str(), sanity.note.c_str());
+    if (!sanity.note.empty()) say(stderr, "errormodel: note: " + place + sanity.note + "\n");
   }
   if (!out.is_accepted())
-    std::fprintf(
-        stderr,
-        "errormodel: not accepted%s: mend or cut the log, or choose axes with --axis; to insist: --accept RULE\n",
-        o.output.empty() ? "" : ", as the model that is written says");
+    say(stderr,
+        format("errormodel: not accepted%s: mend or cut the log, or choose axes with --axis; to insist: --accept "
+               "RULE\n",
+               o.output.empty() ? "" : ", as the model that is written says"));
   return out;
 }
 
@@ -356,8 +370,7 @@ std::vector<ParameterError> errors_by_refits(const Options& o, const FitInput& i
                                  });
   progress.finish();
   if (errors.front().n_refits < o.bootstrap)
-    std::fprintf(stderr, "errormodel: ended after %ld of %d refits: the errors are of those\n", errors.front().n_refits,
-                 o.bootstrap);
+    warn("errormodel: ended after %ld of %d refits: the errors are of those\n", errors.front().n_refits, o.bootstrap);
   return errors;
 }
 
@@ -434,20 +447,30 @@ Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const 
   return json;
 }
 
-void print_fit(const FitInput& in, const Fitted& fitted, const Comparison& c) {
+// How the model's curve lies to that of the logs.  Only a fit that was asked to bound it bounds it or does not.
+std::string curve_text(const FitInput& in, const Comparison& c, bool was_asked_to_bound) {
+  const std::vector<double> tau_s = tau_of(in.data);
+  const std::string curve =
+      format("the %s curve over %g ... %g s: ", to_text(in.op.type).c_str(), tau_s.front(), tau_s.back());
+  if (!was_asked_to_bound)
+    return format(
+        "%sthe model is %.4g times the logs at least (at %g s), %.4g times at most, and %+.1f %% off on average\n",
+        curve.c_str(), c.excess.worst_ratio, c.excess.at_tau_s, 1 + c.excess.worst, 100 * c.excess.mean);
+  return (c.bounded() ? "bounds " : "does not bound ") + curve +
+         format("excess %.2f %% at most, %.2f %% on average", 100 * c.excess.worst, 100 * c.excess.mean) +
+         (c.bounded() ? "" : format("; smallest ratio %.4f at %g s", c.excess.worst_ratio, c.excess.at_tau_s)) + "\n";
+}
+
+void print_fit(const FitInput& in, const Fitted& fitted, const Comparison& c, bool was_asked_to_bound) {
   const std::string& axis = in.detrended.front().axis;
   print_model(fitted.model);
-  const std::vector<double> tau_s = tau_of(in.data);
-  std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average",
-              c.bounded() ? "bounds" : "does not bound", to_text(in.op.type).c_str(), tau_s.front(), tau_s.back(),
-              100 * c.excess.worst, 100 * c.excess.mean);
-  if (!c.bounded()) std::printf("; smallest ratio %.4f at %g s", c.excess.worst_ratio, c.excess.at_tau_s);
-  std::printf("\n");
+  say(stdout, curve_text(in, c, was_asked_to_bound));
   for (const ParameterError& e : fitted.errors) {
     double factor = 1;
     const std::string name = shown(e, is_accelerometer(axis), &factor);
-    std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", name.c_str(), factor * e.value,
-                factor * e.std_error, e.verdict.c_str(), e.reason.c_str());
+    say(stdout,
+        format("%-20s %-18s identifiable: %s (%s)\n", name.c_str(),
+               with_error(factor * e.value, factor * e.std_error).c_str(), e.verdict.c_str(), e.reason.c_str()));
   }
 }
 
@@ -464,7 +487,7 @@ Exit fit(const Options& given) {
   const Comparison c = compare(in.data, fitted.model);
   Json json = fit_json(o, in, fitted, c);
   json["judgement"] = judgement_json(judgement);
-  if (o.common.talks()) print_fit(in, fitted, c);
+  if (o.common.talks()) print_fit(in, fitted, c, o.criterion == "bound");
   if (!o.output.empty()) write_json(o.output, model_json(fitted.model, judgement));
   finish(o, json);
   return !judgement.is_accepted() || (o.criterion == "bound" && !c.bounded()) ? Exit::kNegative : Exit::kDone;
@@ -507,9 +530,9 @@ Exit check(const Options& given) {
   const CurveData data = make_curve_data(all, op, detrend, tau_s, across_of(o));
   const Comparison c = compare(data, model);
   if (o.common.talks())
-    std::printf("%s: smallest ratio of model to data %.4f at %g s; excess %.2f %% at most, %.2f %% on average\n",
-                c.bounded() ? "bounded" : "not bounded", c.excess.worst_ratio, c.excess.at_tau_s, 100 * c.excess.worst,
-                100 * c.excess.mean);
+    tell("%s: smallest ratio of model to data %.4f at %g s; excess %.2f %% at most, %.2f %% on average\n",
+         c.bounded() ? "bounded" : "not bounded", c.excess.worst_ratio, c.excess.at_tau_s, 100 * c.excess.worst,
+         100 * c.excess.mean);
   finish(o, {{"bounded", c.bounded()},
              {"worst_ratio", c.excess.worst_ratio},
              {"at_tau_s", c.excess.at_tau_s},
@@ -551,9 +574,9 @@ Exit sensitivity(const Options& o) {
     json["versus_dp_dph"][type] = b;
     json["rms"][type] = std::sqrt(square);
     if (o.common.talks()) {
-      std::printf("%s (rms %.4f)\n", type.c_str(), std::sqrt(square));
+      tell("%s (rms %.4f)\n", type.c_str(), std::sqrt(square));
       for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 10))
-        std::printf("%10g s %8.4f\n", tau_s[i], relative[i]);
+        tell("%10g s %8.4f\n", tau_s[i], relative[i]);
     }
   }
   finish(o, json);
@@ -576,10 +599,10 @@ Exit separate(const Options& o) {
                            {"model_curves", r.model_curves},
                            {"versus_curves", r.versus_curves}};
     if (o.common.talks())
-      std::printf("%-4s longest separated stretch: mean %.1f s, sd %.1f, 5 %% %.0f, median %.0f, 95 %% %.0f (%d draws "
-                  "of %d+%d runs)\n",
-                  type.c_str(), r.spread.mean, r.spread.sd, r.spread.q05, r.spread.median, r.spread.q95, s.draws,
-                  s.runs, s.runs);
+      tell("%-4s longest separated stretch: mean %.1f s, sd %.1f, 5 %% %.0f, median %.0f, 95 %% %.0f (%d draws "
+           "of %d+%d runs)\n",
+           type.c_str(), r.spread.mean, r.spread.sd, r.spread.q05, r.spread.median, r.spread.q95, s.draws, s.runs,
+           s.runs);
   }
   finish(o, json);
   return Exit::kDone;
@@ -622,23 +645,21 @@ Exit validate_fit(const Options& given) {
              {"terms_frac", r.terms_frac},
              {"parameters", parameters}});
   if (!o.common.talks()) return Exit::kDone;
-  std::printf("%d tests of %g s, criterion %s, %s\n", r.runs, v.duration_s, o.criterion.c_str(),
-              to_text(op.type).c_str());
-  std::printf("bounds its own test %.1f %%, the truth's curve %.1f %%, a new test %.1f %% (smallest ratio: median "
-              "%.3f, 5 %% %.3f)\n",
-              100 * r.bounded_frac, 100 * r.bounds_truth_frac, 100 * r.bounds_new_frac, r.new_worst_ratio.median,
-              r.new_worst_ratio.q05);
-  std::printf(
-      "mean excess: median %.2f %% (5 ... 95 %%: %.2f ... %.2f); worst excess: median %.2f %% (%.2f ... %.2f)\n",
-      100 * r.excess_mean.median, 100 * r.excess_mean.q05, 100 * r.excess_mean.q95, 100 * r.excess_worst.median,
-      100 * r.excess_worst.q05, 100 * r.excess_worst.q95);
-  std::printf("fit %.1f ms (median)\n", r.fit_ms.median);
+  tell("%d tests of %g s, criterion %s, %s\n", r.runs, v.duration_s, o.criterion.c_str(), to_text(op.type).c_str());
+  tell("bounds its own test %.1f %%, the truth's curve %.1f %%, a new test %.1f %% (smallest ratio: median "
+       "%.3f, 5 %% %.3f)\n",
+       100 * r.bounded_frac, 100 * r.bounds_truth_frac, 100 * r.bounds_new_frac, r.new_worst_ratio.median,
+       r.new_worst_ratio.q05);
+  tell("mean excess: median %.2f %% (5 ... 95 %%: %.2f ... %.2f); worst excess: median %.2f %% (%.2f ... %.2f)\n",
+       100 * r.excess_mean.median, 100 * r.excess_mean.q05, 100 * r.excess_mean.q95, 100 * r.excess_worst.median,
+       100 * r.excess_worst.q05, 100 * r.excess_worst.q95);
+  tell("fit %.1f ms (median)\n", r.fit_ms.median);
   for (size_t p = 0; p < r.names.size(); ++p)
-    std::printf("%-20s ln(estimate/truth): mean %+.3f, rms %.3f%s\n", r.names[p].c_str(), r.parameters[p].mean,
-                r.rms_log_error[p],
-                std::isfinite(r.coverage[p])
-                    ? (", 95 % interval covers " + std::to_string(100 * r.coverage[p]).substr(0, 5) + " %").c_str()
-                    : "");
+    tell("%-20s ln(estimate/truth): mean %+.3f, rms %.3f%s\n", r.names[p].c_str(), r.parameters[p].mean,
+         r.rms_log_error[p],
+         std::isfinite(r.coverage[p])
+             ? (", 95 % interval covers " + std::to_string(100 * r.coverage[p]).substr(0, 5) + " %").c_str()
+             : "");
   return Exit::kDone;
 }
 

@@ -7,6 +7,7 @@
 #include "analysis/errormodel/trend.h"
 #include "base/axis_unit.h"
 #include "base/error.h"
+#include "cli/text.h"
 
 namespace imucal {
 
@@ -26,10 +27,10 @@ void choose_detrend(const std::vector<std::string>& logs, const std::vector<std:
     for (const Series& s : load_one_kind(log, axes, true)) {
       const double f = temperature_f(s);
       if (f <= kTemperatureF) continue;
-      std::fprintf(stderr, "errormodel: note: %s %s: the rate follows the temperature (F = %.3g, limit %.3g): %s\n",
-                   printable(log).c_str(), s.axis.c_str(), f, kTemperatureF,
-                   is_chosen ? ("with --detrend " + *detrend + " that counts as noise").c_str()
-                             : "a cubic is taken out (--detrend poly:3); to choose: --detrend");
+      warn("errormodel: note: %s %s: the rate follows the temperature (F = %.3g, limit %.3g): %s\n",
+           printable(log).c_str(), s.axis.c_str(), f, kTemperatureF,
+           is_chosen ? ("with --detrend " + *detrend + " that counts as noise").c_str()
+                     : "a cubic is taken out (--detrend poly:3); to choose: --detrend");
       if (!is_chosen) *detrend = "poly:3";
       return;
     }

@@ -2,11 +2,11 @@
 // montecarlo: does the C core keep its promise?  Simulated calibration tests through sum -> kf -> table ->
 // comp, scored against the truth.
 #include <cstdio>
-#include <iostream>
 
 #include "analysis/montecarlo/campaign.h"
 #include "analysis/montecarlo/compare.h"
 #include "cli/program.h"
+#include "cli/text.h"
 #include "montecarlo/report.h"
 
 using namespace imucal;
@@ -73,7 +73,7 @@ void add_options(cli::App* app, Options* o) {
 Exit publish(const Options& o, const CampaignPlan& plan, const CampaignResult& result) {
   const Json json = campaign_json(plan, result);
   if (o.common.wants_json()) write_json(o.common.json_path, json);
-  if (o.common.talks()) std::cout << campaign_text(json);
+  if (o.common.talks()) say(stdout, campaign_text(json));
   if (!o.strict || result.runs_done == 0) return Exit::kDone;
   const auto outside = [](const Json& x) {
     if (x.is_null()) return false;
@@ -116,7 +116,7 @@ Exit run_compare(Options o) {
   }
   bar.finish();
   if (o.common.wants_json()) write_json(o.common.json_path, to_json(all, c));
-  if (o.common.talks()) std::cout << to_text(all, c);
+  if (o.common.talks()) say(stdout, to_text(all, c));
   return Exit::kDone;
 }
 

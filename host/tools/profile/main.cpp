@@ -8,6 +8,7 @@
 #include "analysis/profile/optimize.h"
 #include "analysis/profile/signature.h"
 #include "cli/program.h"
+#include "cli/text.h"
 #include "profile/report.h"
 
 using namespace imucal;
@@ -26,11 +27,11 @@ struct ErrorOptions {
 
 // A yardstick that a fast profile, or noise slower than the test, may beat: then it says so.
 void print_yardstick(double bound_dph, double worst_dph, const std::string& unit) {
-  std::printf("slow-ramp bound %.3f %s: efficiency %.1f %%\n", bound_dph, unit.c_str(), 100 * bound_dph / worst_dph);
+  tell("slow-ramp bound %.3f %s: efficiency %.1f %%\n", bound_dph, unit.c_str(), 100 * bound_dph / worst_dph);
   if (worst_dph < bound_dph)
-    std::printf("  (beaten: ramps are not slow against the noise here, or the noise is slower than the test; "
-                "the proven "
-                "bound holds)\n");
+    tell("  (beaten: ramps are not slow against the noise here, or the noise is slower than the test; "
+         "the proven "
+         "bound holds)\n");
 }
 
 // The runs of all inputs and what they reach.
@@ -121,19 +122,19 @@ void print_error(const ErrorOptions& o, const CalibrationSetup& setup, const Rea
   std::fputs(error_text(r.error, !o.filter_model.empty(), setup.truth.unit_or_dph()).c_str(), stdout);
   const std::string unit_text = setup.truth.unit_or_dph();
   const char* unit = unit_text.c_str();
-  std::printf("worst %.3f %s, rms %.3f %s over %g..%g degC after %.0f s (%zu run%s)\n", r.error.worst_dph, unit,
-              r.error.rms_dph, unit, setup.lo_degc, setup.hi_degc, r.error.duration_s, n_runs, n_runs == 1 ? "" : "s");
+  tell("worst %.3f %s, rms %.3f %s over %g..%g degC after %.0f s (%zu run%s)\n", r.error.worst_dph, unit,
+       r.error.rms_dph, unit, setup.lo_degc, setup.hi_degc, r.error.duration_s, n_runs, n_runs == 1 ? "" : "s");
   print_yardstick(r.slow_ramp_dph, r.error.worst_dph, unit_text);
   if (r.proven && r.proven->proven_dph > 0)
-    std::printf("proven bound at up to %g degC/min %.3f %s: efficiency %.1f %%\n", in.max_rate_degc_per_min,
-                r.proven->proven_dph, unit, 100 * r.proven->proven_dph / r.error.worst_dph);
-  std::fputs(signature_text(r.signatures, unit).c_str(), stdout);
+    tell("proven bound at up to %g degC/min %.3f %s: efficiency %.1f %%\n", in.max_rate_degc_per_min,
+         r.proven->proven_dph, unit, 100 * r.proven->proven_dph / r.error.worst_dph);
+  say(stdout, signature_text(r.signatures, unit));
   if (in.lo_degc > setup.lo_degc + 1e-9 || in.hi_degc < setup.hi_degc - 1e-9)
-    std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n", in.lo_degc,
-                in.hi_degc);
+    tell("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n", in.lo_degc,
+         in.hi_degc);
   if (!o.turn_on && setup.truth.turn_on_sigma_dph > 0)
-    std::printf("note: the turn-on constant (%g %s) is taken as part of b0; --turn-on counts it as an error\n",
-                setup.truth.turn_on_sigma_dph, unit);
+    tell("note: the turn-on constant (%g %s) is taken as part of b0; --turn-on counts it as an error\n",
+         setup.truth.turn_on_sigma_dph, unit);
 }
 
 Exit run_error(const ErrorOptions& o) {
@@ -173,10 +174,10 @@ Exit run_bound(const BoundOptions& o) {
   const Bound bound = calibration_bound(request);
   if (o.common.talks()) {
     const std::string unit = request.model.unit_or_dph();
-    std::printf("slow-ramp bound    %8.3f %s\n", bound.slow_ramp_dph, unit.c_str());
-    for (const std::string& a : bound.assumptions) std::printf("    - %s\n", a.c_str());
-    std::printf("proven bound       %8.3f %s\n", bound.proven_dph, unit.c_str());
-    for (const std::string& a : bound.proven_assumptions) std::printf("    - %s\n", a.c_str());
+    tell("slow-ramp bound    %8.3f %s\n", bound.slow_ramp_dph, unit.c_str());
+    for (const std::string& a : bound.assumptions) tell("    - %s\n", a.c_str());
+    tell("proven bound       %8.3f %s\n", bound.proven_dph, unit.c_str());
+    for (const std::string& a : bound.proven_assumptions) tell("    - %s\n", a.c_str());
   }
   if (o.common.wants_json()) write_json(o.common.json_path, with_unit(to_json(bound), request.model));
   return Exit::kDone;
@@ -269,40 +270,39 @@ Json optimize_json(const OptimizeOptions& o, const OptimizeResult& r, const Boun
 void print_legs(const Profile& profile) {
   for (const ProfileLeg& leg : legs(profile)) {
     if (leg.start_degc == leg.end_degc)
-      std::printf("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
+      tell("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
     else
-      std::printf("  ramp %8.1f s to %7.2f degC (%+.3f degC/min)\n", leg.end_s - leg.start_s, leg.end_degc,
-                  leg.rate_degc_per_min());
+      tell("  ramp %8.1f s to %7.2f degC (%+.3f degC/min)\n", leg.end_s - leg.start_s, leg.end_degc,
+           leg.rate_degc_per_min());
   }
 }
 
 void print_optimum(const OptimizeOptions& o, const OptimizeResult& r, const Bound& bound,
                    const std::string& unit_text) {
   const char* unit = unit_text.c_str();
-  std::printf("worst %.3f %s, rms %.3f %s after %.0f s (%s)\n", r.error.worst_dph, unit, r.error.rms_dph, unit,
-              r.error.duration_s, r.shape.c_str());
+  tell("worst %.3f %s, rms %.3f %s after %.0f s (%s)\n", r.error.worst_dph, unit, r.error.rms_dph, unit,
+       r.error.duration_s, r.shape.c_str());
   print_legs(r.profile);
   print_yardstick(bound.slow_ramp_dph, r.error.worst_dph, unit_text);
   if (!o.no_proof)
-    std::printf("proven bound under the rate limit %.3f %s: efficiency %.1f %%\n", bound.proven_dph, unit,
-                100 * bound.proven_dph / r.error.worst_dph);
+    tell("proven bound under the rate limit %.3f %s: efficiency %.1f %%\n", bound.proven_dph, unit,
+         100 * bound.proven_dph / r.error.worst_dph);
   if (r.paper_passes > 0)
-    std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f %s, efficiency %.1f %%\n", r.paper_passes,
-                r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph, unit,
-                100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
-  std::fputs(signature_text(r.signatures, unit).c_str(), stdout);
+    tell("ramps with equal soaks at both ends (%d pass%s): %.3f %s, efficiency %.1f %%\n", r.paper_passes,
+         r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph, unit,
+         100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
+  say(stdout, signature_text(r.signatures, unit));
   if (!o.tell_apart.empty())
-    std::printf("cost of telling apart: %.1f %% (%.3f %s for accuracy alone)\n",
-                100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph, unit);
+    tell("cost of telling apart: %.1f %% (%.3f %s for accuracy alone)\n",
+         100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph, unit);
 }
 
 // The correlation is above what is allowed: by how much, between which effects, and what makes it possible.
 void print_too_alike(const OptimizeOptions& o, const SignatureTable& signatures) {
-  std::fprintf(stderr,
-               "profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
-               "time, a faster chamber or --max-correlation %.3f makes it possible\n",
-               o.max_correlation, signatures.worst, signatures.effects[signatures.worst_a].name.c_str(),
-               signatures.effects[signatures.worst_b].name.c_str(), signatures.worst + 0.0005);
+  warn("profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
+       "time, a faster chamber or --max-correlation %.3f makes it possible\n",
+       o.max_correlation, signatures.worst, signatures.effects[signatures.worst_a].name.c_str(),
+       signatures.effects[signatures.worst_b].name.c_str(), signatures.worst + 0.0005);
 }
 
 Exit run_optimize(const OptimizeOptions& o) {

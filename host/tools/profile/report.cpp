@@ -6,8 +6,9 @@
 #include <cstdio>
 #include <fstream>
 
-#include "base/axis_unit.h"
+#include "base/digits.h"
 #include "base/error.h"
+#include "physics/effects/parameters.h"
 
 namespace imucal {
 
@@ -114,15 +115,15 @@ std::string signature_text(const SignatureTable& table, const std::string& unit)
       std::snprintf(cell, sizeof cell, " %6.2f", table.correlation[i * n + j]);
       text += cell;
     }
-    std::snprintf(cell, sizeof cell, "%*s", static_cast<int>(7 * (n - 1 - i)), "");
-    text += cell;
-    if (table.needed[i] > 0)
-      std::snprintf(cell, sizeof cell, "  can be named from %.3g %s\n", table.needed[i],
-                    name_in_unit(table.amplitude[i], unit).c_str());
-    else
-      std::snprintf(cell, sizeof cell, "  not visible\n");
-    text += cell;
+    text += "\n";
   }
+  std::string named;
+  for (size_t i = 0; i < n; ++i)
+    named += (named.empty() ? "" : ", ") + table.effects[i].name +
+             (table.needed[i] > 0
+                  ? " from " + in_digits(table.needed[i], 2) + " " + unit_of(table.amplitude[i], unit) + " on"
+                  : " at no size");
+  if (!named.empty()) text += "  can be named: " + named + "\n";
   if (n > 1 && table.worst > 0) {
     std::snprintf(cell, sizeof cell, "  worst %.3f: ", table.worst);
     text += cell + table.effects[table.worst_a].name + " and " + table.effects[table.worst_b].name + "\n";

@@ -154,7 +154,10 @@ std::string to_text(const std::vector<Comparison>& all, const CampaignOptions& b
                 "calibration error, dph: worst over temperature / rms (order %d, %llu tests each, seed %llu)\n",
                 base.order, static_cast<unsigned long long>(base.runs), static_cast<unsigned long long>(base.seed));
   std::string out = line;
-  std::snprintf(line, sizeof line, "%-44s", "");
+  size_t widest = 0;
+  for (const Comparison& c : all) widest = std::max(widest, c.scenario.name.size());
+  const int width = static_cast<int>(widest);
+  std::snprintf(line, sizeof line, "%-*s", width + 8, "");
   out += line;
   for (const Method method : kMethods) {
     std::snprintf(line, sizeof line, "%18s", to_text(method).c_str());
@@ -162,7 +165,7 @@ std::string to_text(const std::vector<Comparison>& all, const CampaignOptions& b
   }
   out += "\n";
   for (const Comparison& c : all) {
-    std::snprintf(line, sizeof line, "%-36s %3zu min", c.scenario.name.c_str(), c.duration_s / 60);
+    std::snprintf(line, sizeof line, "%-*s %3zu min", width, c.scenario.name.c_str(), c.duration_s / 60);
     out += line;
     for (const MethodScore& m : c.methods) {
       if (m.sigma_dph.empty())
