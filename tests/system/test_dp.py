@@ -232,3 +232,35 @@ def test_stream_gives_the_same_curves(tmp_path, nominal):
         assert stream["dp_dph"] == pytest.approx(whole["dp_dph"], rel=1e-9)
     done = run("dp", log, "--type", "av", "--stream", "--estimator", "max", expect=2)
     assert "--stream" in done.stderr
+
+
+# ---- text ----
+
+def test_only_a_fit_that_was_asked_to_bound_says_whether_it_does(tmp_path):
+    log = write_log(tmp_path / "a.csv", markov_noise(6000, 3))
+    likely = run("errormodel", "fit", log, "--markov", "1", "--criterion", "ml").stdout
+    assert "bound" not in likely and "times the logs at least" in likely and "on average" in likely
+    assert "bounds the av curve" in run("errormodel", "fit", log, "--markov", "1").stdout
+
+
+def test_an_expected_curve_has_a_header_and_even_steps_of_the_logarithm(nominal):
+    lines = run("errormodel", "expect", nominal).stdout.splitlines()
+    assert lines[0].split() == ["tau_s", "dp_dph", "(av)"]
+    tau = [float(line.split()[0]) for line in lines[1:]]
+    assert tau[0] == 2 and tau[-1] == 600 and 20 <= len(tau) <= 31
+    assert sum(t <= 20 for t in tau) >= 8  # two fifths of the logarithm
+    assert len(result("errormodel", "expect", nominal)["tau_s"]) == 599  # all of them
+    assert len(run("errormodel", "expect", nominal, "--tau", "2:10").stdout.splitlines()) == 10
+
+
+def test_a_curve_has_no_more_digits_than_its_interval_leaves(tmp_path):
+    log = write_log(tmp_path / "a.csv", markov_noise(20000, 3))
+    for line in run("dp", log, "--type", "av", "--tau", "1:1000:200").stdout.splitlines():
+        cells = line.split()
+        if len(cells) != 5 or not cells[0].isdigit():
+            continue
+        dp, lo, hi = cells[1:4]
+        error = (float(hi) - float(lo)) / 2
+        places = {len(cell.partition(".")[2]) for cell in (dp, lo, hi)}
+        assert len(places) == 1
+        assert 0.9 <= error * 10 ** places.pop() < 105, line  # two digits of the error

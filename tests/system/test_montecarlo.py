@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """montecarlo: the contract's fields, the same result for any threads and shards, Ctrl-C, Dask, honest statistics."""
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -177,3 +178,10 @@ def test_dask_says_what_fails_on_a_worker(files):
                            "--timeout-s", "1", "--", "--model", "model.json"],
                           cwd=files, capture_output=True, text=True, timeout=120)
     assert done.returncode == 4 and "scheduler" in done.stderr
+
+
+def test_rows_of_compare_stand_under_each_other(files):
+    lines = montecarlo(files, "compare", "--model", "model.json", "--order", 3, "--runs", 2).stdout.splitlines()[1:]
+    ends = [[match.end() for match in re.finditer(r"/ *[\d.]+|no fit", line)] for line in lines[1:]]
+    assert len(ends) >= 6 and all(row == ends[0] for row in ends), "\n".join(lines)
+    assert [match.end() for match in re.finditer(r"\S+", lines[0])] == ends[0]
