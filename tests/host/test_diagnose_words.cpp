@@ -221,6 +221,10 @@ static void test_the_json_holds_what_is_printed(void**) {
   }
   s.effects[0].doubt = Doubt::kSlowNoise, s.verdict = Verdict::kPartlyExplained;
   assert_string_equal(told(s)["title"].text().c_str(), "gap, noise or cause open");
+  // Noise that was estimated from the very logs, and nothing beyond it: no model says that there is a gap.
+  s.effects[0].gain_nats = s.effects[0].evidence_nats = 0;
+  assert_string_equal(told(s)["title"].text().c_str(), "noise or cause open");
+  assert_lacks(said(s.verdict, s.effects, {}), "a gap");
 }
 
 static void test_the_sign_of_a_lag_is_told(void**) {

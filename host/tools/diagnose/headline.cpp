@@ -75,6 +75,11 @@ bool is_undecided(const Selection& s) {
   return std::any_of(s.effects.begin(), s.effects.end(),
                      [](const SelectedEffect& e) { return e.doubt == Doubt::kSlowNoise; });
 }
+// Left open where noise that was estimated from these logs explains them: no model says that there is a gap.
+bool is_open_without_gap(const AxisResult& axis) {
+  const std::vector<SelectedEffect>& effects = axis.study.selection.effects;
+  return !axis.is_believed && is_undecided(axis.study.selection) && effects.size() == 1 && !(effects[0].gain_nats > 0);
+}
 
 } // namespace
 
@@ -92,6 +97,7 @@ std::string title(const AxisResult& axis) {
   case Verdict::kExplained:
     return has_weak_causes_only(axis) ? "gap, weakly explained" : "gap explained";
   case Verdict::kPartlyExplained:
+    if (is_open_without_gap(axis)) return "noise or cause open";
     return is_undecided(s) ? "gap, noise or cause open" : "gap partly explained";
   case Verdict::kUnexplained:
     return "gap, cause open";
@@ -138,6 +144,8 @@ std::string headline(const AxisResult& axis) {
   case Verdict::kExplained:
     return (has_weak_causes_only(axis) ? "a gap, weakly explained" : "a gap, explained") + with(": ");
   case Verdict::kPartlyExplained:
+    if (is_open_without_gap(axis))
+      return "slow noise or a repeatable cause, these logs cannot tell; no model says how strong the noise is";
     if (is_undecided(s))
       return "a gap: slow noise or a repeatable cause, these logs cannot tell" + with("; beside it ");
     return "a gap, partly explained" + with(": ");
