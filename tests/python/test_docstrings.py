@@ -16,7 +16,9 @@ UNITS = ("_s", "_dph", "_degc", "_hz", "_degc_per_min", "_deg_rt_h", "_rate")
 #: what is a number and has no unit, or is no number
 NO_UNIT = {"order", "seed", "markov", "n_axes", "log_index", "n_logs", "threads", "min_fill", "intervals", "type", "nominal", "estimator", "detrend", "accept", "criterion", "model",
            "profile", "effects", "filter_model", "method", "axes", "axis", "without", "only", "logs", "holdout", "path", "log", "options", "settings", "channel",
-           "value", "rate", "seconds"}
+           "value", "rate", "seconds", "shared_turn_on", "serial"}
+#: called as the program's option; the description states the unit
+AS_THE_OPTION = {"arw": "in deg/sqrt(h)", "white": "in mg/sqrt(Hz)", "instability": "in dph (accelerometers: mg) and its time constant in s"}
 
 
 def section(text, title):
@@ -35,7 +37,8 @@ def test_every_parameter_is_described_with_its_unit(name, function):
     assert described == wanted
     assert section(text, "Returns").strip()
     for parameter in wanted:
-        assert parameter.endswith(UNITS) or parameter in NO_UNIT, f"{name}: {parameter} names no unit"
+        stated = AS_THE_OPTION.get(parameter) and re.search(rf"^{parameter} : .*{re.escape(AS_THE_OPTION[parameter])}$", text, re.M)
+        assert parameter.endswith(UNITS) or parameter in NO_UNIT or stated, f"{name}: {parameter} names no unit"
 
 
 @pytest.mark.parametrize("name", ["compensate"])

@@ -17,7 +17,7 @@ for _build in (os.environ.get("IMUCAL_BIN", ""), _tree / "build/bin"):
         __path__.append(str(pathlib.Path(_build).parent / "python"))
 
 _HOMES = {
-    "DataError": "errors", "ImucalError": "errors", "UsageError": "errors", "Log": "log", "read_log": "log", "write_log": "log",
+    "DataError": "errors", "DataWarning": "errors", "ImucalError": "errors", "UsageError": "errors", "Log": "log", "read_log": "log", "write_log": "log",
     "import_log": "importers", "read_table": "table", "ThermalCalibrator": "calibrator",
     **dict.fromkeys(["allan_deviation", "direct_predictor", "expect", "fit_error_model", "check_bound", "calibrate", "compensate", "calibration_error",
                      "optimize_profile", "simulate", "diagnose", "as_log"], "analysis"),

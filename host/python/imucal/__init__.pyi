@@ -15,6 +15,7 @@ from .analysis import optimize_profile as optimize_profile
 from .analysis import simulate as simulate
 from .calibrator import ThermalCalibrator as ThermalCalibrator
 from .errors import DataError as DataError
+from .errors import DataWarning as DataWarning
 from .errors import ImucalError as ImucalError
 from .errors import UsageError as UsageError
 from .importers import import_log as import_log

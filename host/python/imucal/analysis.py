@@ -2,9 +2,11 @@
 """Analyses on arrays.  Arrays have shape (n,), rates are in dph (accelerations in mg), times in s; results are small dataclasses.
 
 allan_deviation and direct_predictor run in the compiled part; the others run the programs of the tool-chain through their
-JSON contracts (imucal/programs.py), in a process of their own.
+JSON contracts (imucal/programs.py), in a process of their own.  An option that is None is the program's own choice, and what
+a program notes on the way is a DataWarning.
 """
 import json
+import os
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from .errors import DataError
 from .log import Log, read_log
 from .native import core
-from .programs import Folder, model_text, run
+from .programs import Folder, model_text
 
 
 @dataclass
@@ -163,7 +165,7 @@ def _taus(tau_s):
     return tau_s if isinstance(tau_s, str) else np.ascontiguousarray(np.atleast_1d(tau_s), np.float64)
 
 
-def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=None, estimation_s=20.0, estimator="rms", detrend="mean", min_fill=1.0,
+def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type=None, nominal=None, estimation_s=20.0, estimator="rms", detrend="mean", min_fill=1.0,
                      intervals=True):
     """Direct Predictor curve: rms error of predicting the mean of the next tau seconds, over sqrt(2).
 
@@ -172,7 +174,7 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     rate_dph : array (n,)        NaN or masked where missing
     dt_s : float                 between samples
     tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
-    type : str                   "av", "dp1", "dp2" or "dp3"
+    type : str                   "av", "dp1", "dp2" or "dp3"; default: "dp2" with a nominal model, else "av", which needs none
     nominal : dict               model whose filter predicts (dp2, dp3)
     estimation_s : float         estimation time of dp1
     estimator : str              "rms", "max" or "p95"
@@ -195,6 +197,9 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     rates, step_s = _samples(rate_dph), _step(dt_s)
     if not 0 < min_fill <= 1:
         raise DataError(f"min_fill: {min_fill:g} is no part of a window; expected more than 0, at most 1")
+    type = type or ("av" if nominal is None else "dp2")
+    if type in ("dp2", "dp3") and nominal is None:
+        raise DataError(f"type \"{type}\" needs nominal, the model whose filter predicts; the Allan deviation, type \"av\", needs none")
     try:
         curve = core().direct_predictor(rates, step_s, type, _taus(tau_s), estimator, None if nominal is None else model_text(nominal),
                                         float(estimation_s), detrend, float(min_fill), bool(intervals))
@@ -259,15 +264,41 @@ def expect(model, tau_s, type="dp2", nominal=None):
     Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section II.
     """
     with Folder() as folder:
-        options = ["--nominal", folder.json(nominal if nominal is not None else model)] if type in ("dp2", "dp3") else []
-        result = run("errormodel", "expect", folder.json(model), "--type", type, "--tau", _tau_text(tau_s), *options)
+        nominal = (nominal, "nominal") if nominal is not None else (model, "model")
+        options = ["--nominal", folder.json(*nominal)] if type in ("dp2", "dp3") else []
+        result = folder.run("errormodel", "expect", folder.json(model, "model"), "--type", type, "--tau", _tau_text(tau_s), *options)
     n = len(result["tau_s"])
     return DirectPredictor(np.array(result["tau_s"]), np.array(result["dp_dph"]), np.full((n, 2), np.nan), np.zeros(n, int))
 
 
+def _many(values):
+    """A list of them: several, none, or one by itself, which a name and a path are too."""
+    if values is None:
+        return []
+    return list(values) if isinstance(values, (list, tuple, set, frozenset)) else [values]
+
+
 def _logs(folder, logs):
-    many = logs if isinstance(logs, (list, tuple)) else [logs]
-    return [folder.log(as_log(log)) for log in many]
+    return [folder.log(as_log(log)) for log in _many(logs)]
+
+
+def _given(name, values):
+    """An option for each of some values, or for one by itself."""
+    return [word for value in _many(values) for word in (name, os.fspath(value))]
+
+
+def _curve_options(folder, axes, detrend, tau_s, type, nominal):
+    """What errormodel fit and errormodel check take of axes and curves; None: the program's own choice."""
+    options = ["--detrend", detrend] if detrend is not None else []
+    options += ["--tau", _tau_text(tau_s)] if tau_s is not None else []
+    options += ["--type", type] if type else []
+    options += ["--nominal", folder.json(nominal, "nominal")] if nominal is not None else []
+    return options + _given("--axis", axes)
+
+
+def _span(name, values):
+    """An option of two temperatures, LOW:HIGH; none where there are none."""
+    return [] if values is None else [name, f"{values[0]:.15g}:{values[1]:.15g}"]
 
 
 def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
@@ -306,20 +337,20 @@ def _judged(result):
     raise DataError("; ".join(reasons) + " (accept=[rule] insists)")
 
 
-def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau_s=None, type=None, nominal=None, accept=()):
+def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend=None, tau_s=None, type=None, nominal=None, accept=()):
     """Error model from logs: "ml" (maximum likelihood), "bound" (tightest bounding) or "ls" (least squares).
 
     Parameters
     ----------
     logs : path, Log or array (n,) in dph, or a list of them
-    markov : int                 number of Gauss-Markov terms
+    markov : int                 number of Gauss-Markov terms; None: chosen
     criterion : str              "ml", "bound" or "ls"
-    axes : list of str           default: all
-    detrend : str                "mean", "poly:3" (in temperature) …
+    axes : str, or list of str   default: all gyros (all axes where there is none)
+    detrend : str                "none", "mean", "poly:3" (in temperature) …; default: "mean", or "poly:3" where the rate follows the temperature
     tau_s : array, or text       of the curves ("bound", "ls")
     type : str                   of the curves: "av", "dp1", "dp2" or "dp3"
     nominal : dict or path       model whose filter predicts (dp2, dp3)
-    accept : list of str         rules that may speak against the data: "repeated", "temp-jump" …
+    accept : str, or list of str    rules that may speak against the data: "repeated", "temp-jump" …
 
     Returns
     -------
@@ -334,26 +365,22 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
     Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section III.
     """
     with Folder() as folder:
-        options = ["--tau", _tau_text(tau_s)] if tau_s is not None else []
-        options += ["--type", type] if type else []
-        options += ["--nominal", folder.json(nominal)] if nominal is not None else []
-        options += [word for axis in axes for word in ("--axis", axis)]
-        options += [word for rule in accept for word in ("--accept", rule)]
-        r = run("errormodel", "fit", *_logs(folder, logs), "--markov", markov, "--criterion", criterion, "--detrend", detrend, "-o", folder.new(".json"),
-                *options)
+        options = _curve_options(folder, axes, detrend, tau_s, type, nominal) + _given("--accept", accept)
+        options += ["--markov", markov] if markov is not None else []
+        r = folder.run("errormodel", "fit", *_logs(folder, logs), "--criterion", criterion, "-o", folder.new(".json"), *options)
     _judged(r)
     return ErrorModelFit(r["model"], r.get("std_errors", {}), r["bounded"], r["excess"]["worst"], r["excess"]["mean"], r.get("log_likelihood"), r)
 
 
-def check_bound(logs, model, axes=(), detrend="mean", tau_s=None, type=None, nominal=None):
+def check_bound(logs, model, axes=(), detrend=None, tau_s=None, type=None, nominal=None):
     """Does a model bound these logs, and how tightly?
 
     Parameters
     ----------
     logs : path, Log or array (n,) in dph, or a list of them
     model : dict or path         error model
-    axes : list of str           default: all
-    detrend : str                "mean", "poly:3" (in temperature) …
+    axes : str, or list of str   default: all gyros (all axes where there is none)
+    detrend : str                "none", "mean", "poly:3" (in temperature) …; default: "mean", or "poly:3" where the rate follows the temperature
     tau_s : array, or text       where they are compared
     type : str                   of the curves: "av", "dp1", "dp2" or "dp3"
     nominal : dict or path       model whose filter predicts (dp2, dp3)
@@ -367,15 +394,13 @@ def check_bound(logs, model, axes=(), detrend="mean", tau_s=None, type=None, nom
     DataError : a log, a model or an option that cannot be used
     """
     with Folder() as folder:
-        options = ["--tau", _tau_text(tau_s)] if tau_s is not None else []
-        options += ["--type", type] if type else []
-        options += ["--nominal", folder.json(nominal)] if nominal is not None else []
-        options += [word for axis in axes for word in ("--axis", axis)]
-        r = run("errormodel", "check", *_logs(folder, logs), "--model", folder.json(model), "--detrend", detrend, *options, negative_is_answer=True)
+        options = _curve_options(folder, axes, detrend, tau_s, type, nominal)
+        r = folder.run("errormodel", "check", *_logs(folder, logs), "--model", folder.json(model, "model"), *options, negative_is_answer=True)
     return BoundCheck(r["bounded"], r["worst_ratio"], r["at_tau_s"], r)
 
 
-def calibrate(logs, order=3, model=None, method=None, axes=(), accept=()):
+def calibrate(logs, order=3, model=None, method=None, axes=(), accept=(), range_degc=None, shared_turn_on=False, max_error_dph=None,
+              serial=None):
     """Thermal calibration of recorded logs: the C core's filter ("kf", needs a model) or least squares ("poly").
 
     The constant b_0 of an accelerometer's axis (_mg) holds gravity as it lay in the test.
@@ -386,8 +411,12 @@ def calibrate(logs, order=3, model=None, method=None, axes=(), accept=()):
     order : int                  of the polynomial in temperature
     model : dict or path         error model of the filter; or two: of the gyros, and of the accelerometers ("unit": "mg")
     method : str                 "kf" or "poly"; default: "kf" with a model, else "poly"
-    axes : list of str           default: the gyros; with a model of the accelerometers these
-    accept : list of str         rules that may speak against an axis: "span", "units" …
+    axes : str, or list of str   default: the gyros; with a model of the accelerometers these
+    accept : str, or list of str    rules that may speak against an axis: "span", "units" …
+    range_degc : (float, float)  lowest and highest temperature, the scale of the polynomial; default: the model's, else what the logs span
+    shared_turn_on : bool        the device was not switched off between the logs
+    max_error_dph : float        largest predicted error to accept (accelerometers: mg); default: 100 dph, 10 mg
+    serial : str                 of the device, for the table; default: the first log's
 
     Returns
     -------
@@ -399,12 +428,14 @@ def calibrate(logs, order=3, model=None, method=None, axes=(), accept=()):
     """
     with Folder() as folder:
         table = folder.new(".json")
-        models = [] if model is None else model if isinstance(model, (list, tuple)) else [model]
-        options = [word for m in models for word in ("--model", folder.json(m))]
-        options += [word for axis in axes for word in ("--axis", axis)]
-        options += [word for rule in accept for word in ("--accept", rule)]
-        r = run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if model is not None else "poly"), "--order", order, "-o", table,
-                *options)
+        models = [] if model is None else _many(model)
+        options = [word for m in models for word in ("--model", folder.json(m, "model"))]
+        options += _given("--axis", axes) + _given("--accept", accept) + _span("--range", range_degc)
+        options += ["--shared-turn-on"] if shared_turn_on else []
+        options += ["--max-error", max_error_dph] if max_error_dph is not None else []
+        options += ["--serial", serial] if serial is not None else []
+        r = folder.run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if models else "poly"), "--order", order, "-o", table,
+                       *options)
         _judged(r)
         with open(table, encoding="utf-8") as file:
             table = json.load(file)
@@ -443,15 +474,16 @@ def compensate(rate, temp_degc, channel):
     return (rate - channel.bias(temp)) * channel.scale(temp)
 
 
-def calibration_error(profile, model, order=3, filter_model=None):
+def calibration_error(profile, model, order=3, filter_model=None, range_degc=None):
     """Predicted calibration error of a temperature profile over temperature (exact covariance).
 
     Parameters
     ----------
-    profile : dict or path       of the chamber's temperature
+    profile : dict or path       of the chamber's temperature, or the path of a recorded log; or a list of them, each a run
     model : dict or path         error model of the sensor
     order : int                  of the polynomial in temperature
     filter_model : dict or path  what the filter believes; default: model
+    range_degc : (float, float)  span that is judged; default: what the profile reaches
 
     Returns
     -------
@@ -462,8 +494,10 @@ def calibration_error(profile, model, order=3, filter_model=None):
     DataError : a profile or a model that cannot be used
     """
     with Folder() as folder:
-        options = ["--filter-model", folder.json(filter_model)] if filter_model is not None else []
-        r = run("profile", "error", folder.json(profile), "--model", folder.json(model), "--order", order, *options)
+        options = ["--filter-model", folder.json(filter_model, "filter_model")] if filter_model is not None else []
+        options += _span("--range", range_degc)
+        profiles = [folder.json(p, "profile") for p in _many(profile)]
+        r = folder.run("profile", "error", *profiles, "--model", folder.json(model, "model"), "--order", order, *options)
     return CalibrationError(np.array(r["temp_degc"]), np.array(r["sigma_dph"]), np.array(r["believed_sigma_dph"]), r["worst_dph"], r["rms_dph"],
                             r["bound_dph"], r["efficiency"])
 
@@ -490,21 +524,21 @@ def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order
     """
     with Folder() as folder:
         path = folder.new(".json")
-        r = run("profile", "optimize", "--model", folder.json(model), "--order", order, "--range", f"{range_degc[0]:g}:{range_degc[1]:g}",
-                "--max-rate", max_rate_degc_per_min, "--duration-s", duration_s, "--seed", seed, "-o", path)
+        r = folder.run("profile", "optimize", "--model", folder.json(model, "model"), "--order", order, *_span("--range", range_degc),
+                       "--max-rate", max_rate_degc_per_min, "--duration-s", duration_s, "--seed", seed, "-o", path)
         with open(path, encoding="utf-8") as file:
             profile = json.load(file)
     return OptimizedProfile(profile, r["worst_dph"], r["bound_dph"], r["efficiency"], r["duration_s"])
 
 
-def simulate(model, profile, n_axes=1, seed=1, effects=None, log_index=0, n_logs=1):
+def simulate(model, profile, n_axes=None, seed=1, effects=None, log_index=0, n_logs=1):
     """A simulated test: chamber, gyros, noise, effects.
 
     Parameters
     ----------
-    model : dict or path         error model of the sensors
+    model : dict or path         error model of the sensors; or a list, one of each
     profile : dict or path       of the chamber's temperature
-    n_axes : int                 gyros
+    n_axes : int                 gyros; default: one of each model
     seed : int                   of the noise
     effects : list or path       what the model leaves out: [{"name", "parameters"}, …]
     log_index : int              which test of a series, from 0
@@ -520,26 +554,42 @@ def simulate(model, profile, n_axes=1, seed=1, effects=None, log_index=0, n_logs
     """
     with Folder() as folder:
         path = folder.new(".csv")
-        options = ["--effects", folder.json(effects)] if effects is not None else []
-        run("gyrosim", "log", "--model", folder.json(model), "--profile", folder.json(profile), "--axes", n_axes, "--seed", seed, "--log-index", log_index,
-            "--n-logs", n_logs, "-o", path, *options)
+        options = [word for m in _many(model) for word in ("--model", folder.json(m, "model"))]
+        options += ["--effects", folder.json(effects, "effects")] if effects is not None else []
+        options += ["--axes", n_axes] if n_axes is not None else []
+        folder.run("gyrosim", "log", "--profile", folder.json(profile, "profile"), "--seed", seed, "--log-index", log_index, "--n-logs", n_logs, "-o", path,
+                   *options)
         return read_log(path)
 
 
-def diagnose(logs, model, holdout=(), axes=(), without=(), only=(), false_alarm_rate=0.01, seed=1, threads=0):
+def _data_sheet(arw, white, instability):
+    """The options of a data sheet in the place of a model."""
+    options = ["--arw", arw] if arw is not None else []
+    options += ["--white", white] if white is not None else []
+    if instability is not None:
+        options += ["--instability", instability if isinstance(instability, str) else ":".join(f"{value:.15g}" for value in instability)]
+    return options
+
+
+def diagnose(logs, model=None, holdout=(), axes=(), without=(), only=(), false_alarm_rate=0.01, seed=1, threads=0, arw=None, white=None, instability=None):
     """What the error model leaves out: where, which effect, how far the gap shrinks on held-out logs.
+
+    Without a model the noise is estimated from the logs; a data sheet may stand in the place of a model.
 
     Parameters
     ----------
-    logs : path or Log, or a list of them
-    model : dict or path         error model that is tested
-    holdout : list of path or Log    logs the effect is judged on
-    axes : list of str           default: all
-    without : list of str        effects that are not tried
-    only : list of str           effects that are tried alone
+    logs : path, Log or array (n,) in dph, or a list of them
+    model : dict or path         error model that is tested; None: the noise is estimated, which is the normal case
+    holdout : as logs            logs the effect is judged on; default: each of the logs in turn
+    axes : str, or list of str   default: all gyros; the accelerometers where the model is of one or there is no gyro
+    without : str, or list of str    effects that are not tried
+    only : str, or list of str   effects that are tried alone
     false_alarm_rate : float     probability of a finding where there is none
     seed : int                   of the reference draws
     threads : int                0: all processors
+    arw : float                  data sheet: angle random walk in deg/sqrt(h)
+    white : float                data sheet of an accelerometer: white noise in mg/sqrt(Hz)
+    instability : (float, float) data sheet: bias instability in dph (accelerometers: mg) and its time constant in s
 
     Returns
     -------
@@ -548,11 +598,11 @@ def diagnose(logs, model, holdout=(), axes=(), without=(), only=(), false_alarm_
     Raises
     ------
     DataError : a log or a model that cannot be used
+    UsageError : a model and a data sheet, or an effect that is not in the library
     """
     with Folder() as folder:
-        options = [word for log in _logs(folder, list(holdout)) for word in ("--holdout", log)]
-        options += [word for axis in axes for word in ("--axis", axis)]
-        options += [word for name in without for word in ("--without", name)] + [word for name in only for word in ("--only", name)]
-        logged = [word for log in _logs(folder, logs) for word in ("--log", log)]
-        return run("diagnose", "--model", folder.json(model), *logged, "--false-alarm-rate", false_alarm_rate, "--seed", seed, "--threads", threads,
-                   "--quiet", *options, negative_is_answer=True)
+        options = ["--model", folder.json(model, "model")] if model is not None else []
+        options += _data_sheet(arw, white, instability) + _given("--axis", axes) + _given("--without", without) + _given("--only", only)
+        options += [word for log in _logs(folder, logs) for word in ("--log", log)] + [word for log in _logs(folder, holdout) for word in ("--holdout", log)]
+        return folder.run("diagnose", *options, "--false-alarm-rate", false_alarm_rate, "--seed", seed, "--threads", threads, "--quiet",
+                          negative_is_answer=True)

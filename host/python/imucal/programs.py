@@ -6,9 +6,13 @@ import os
 import shutil
 import subprocess
 import tempfile
+import warnings
 from pathlib import Path
 
-from .errors import DataError, ImucalError, UsageError
+from .errors import DataError, DataWarning, ImucalError, UsageError
+
+#: how a line on standard error begins that is no answer and no error
+_REMARKS = ("note: ", "warning: ", "accepted: ")
 
 
 def find(name):
@@ -26,8 +30,18 @@ def find(name):
     return found
 
 
-def run(name, *arguments, negative_is_answer=False):
-    """Run a program with --json -; its result as a dict.
+def _without_name(line):
+    """What a program says, without its own name before it."""
+    return line.partition(": ")[2] or line
+
+
+def run(name, *arguments, negative_is_answer=False, said=str, stacklevel=3):
+    """Run a program with --json -; its result as a dict.  What it tells beside the result ("note: ...", "accepted: ...") is a DataWarning.
+
+    Parameters
+    ----------
+    said : function              what the program writes, JSON too -> the same in the caller's words
+    stacklevel : int             the call that a warning is about: 2 is the caller of this function
 
     Raises
     ------
@@ -41,11 +55,15 @@ def run(name, *arguments, negative_is_answer=False):
         process.terminate()
         process.communicate()
         raise
-    if process.returncode == 0 or (process.returncode == 1 and (negative_is_answer or out)):
-        return json.loads(out) if out.strip() else {}
-    message = err.strip().splitlines()[-1] if err.strip() else f"exit {process.returncode}"
+    told = [said(_without_name(line)) for line in err.splitlines() if line.strip()]
+    is_done = process.returncode == 0 or (process.returncode == 1 and negative_is_answer)
+    for text in told:
+        if is_done or text.startswith(_REMARKS):
+            warnings.warn(text, DataWarning, stacklevel=stacklevel)
+    if is_done or (process.returncode == 1 and out):
+        return json.loads(said(out)) if out.strip() else {}
     kind = {2: UsageError, 3: DataError}.get(process.returncode, ImucalError)
-    raise kind(message.partition(": ")[2] or message)
+    raise kind(told[-1] if told else f"exit {process.returncode}")
 
 
 def model_text(value):
@@ -57,11 +75,13 @@ def model_text(value):
 
 
 class Folder:
-    """A temporary folder whose files are models, profiles and logs given as objects or as paths."""
+    """A temporary folder whose files are models, profiles and logs given as objects or as paths.  What the programs say of such a file is
+    said of the object: nobody knows the file."""
 
     def __init__(self):
         self._folder = tempfile.TemporaryDirectory(prefix="imucal-")
         self._n = 0
+        self._called = {}
 
     def __enter__(self):
         return self
@@ -69,16 +89,18 @@ class Folder:
     def __exit__(self, *_):
         self._folder.cleanup()
 
-    def new(self, suffix):
-        """A name for a file."""
+    def new(self, suffix, called=None):
+        """A name for a file, and what the user calls it."""
         self._n += 1
-        return os.path.join(self._folder.name, f"{self._n}{suffix}")
+        path = os.path.join(self._folder.name, f"{self._n}{suffix}")
+        self._called[path] = called or f"the file {self._n}{suffix} between package and program"
+        return path
 
-    def json(self, value):
+    def json(self, value, called="the dict given"):
         """A path: the one given, or a file that holds the dict (or what has to_json)."""
         if isinstance(value, (str, os.PathLike)):
             return os.fspath(value)
-        path = self.new(".json")
+        path = self.new(".json", called)
         with open(path, "w", encoding="utf-8") as file:
             file.write(model_text(value))
         return path
@@ -88,6 +110,16 @@ class Folder:
         if isinstance(value, (str, os.PathLike)):
             return os.fspath(value)
         from .log import write_log
-        path = self.new(".csv")
+        path = self.new(".csv", value.path or "the log given")
         write_log(path, value)
         return path
+
+    def said(self, text):
+        """A message about files of this folder as one about what they were made of."""
+        for path, called in self._called.items():
+            text = text.replace(path, json.dumps(called, ensure_ascii=False)[1:-1])
+        return text
+
+    def run(self, name, *arguments, negative_is_answer=False):
+        """The function run of this module, for the caller of a public function of the package: warnings point at that call."""
+        return run(name, *arguments, negative_is_answer=negative_is_answer, said=self.said, stacklevel=4)
