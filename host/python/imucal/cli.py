@@ -15,10 +15,18 @@ def parser_of(name, description):
     return parser
 
 
+def _threads(text):
+    """The programs' limits (host/tools/cli/program.cpp)."""
+    if not (text.isdecimal() and int(text) <= 1024):
+        raise argparse.ArgumentTypeError(f"expected a whole number 0 .. 1024, found \"{text}\"")
+    return int(text)
+
+
 def common_options(parser):
-    """--json and --quiet."""
+    """--json, --quiet and --threads."""
     parser.add_argument("--json", metavar="FILE", help="write the result as JSON to FILE (- for standard output)")
     parser.add_argument("-q", "--quiet", action="store_true", help="no text but errors")
+    parser.add_argument("--threads", type=_threads, metavar="N", help="as for the other commands; this one chooses by itself")
 
 
 def _plain(value):

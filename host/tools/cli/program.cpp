@@ -53,8 +53,10 @@ void add_common_options(cli::App* app, CommonOptions* options, unsigned flags) {
     app->add_option("--seed", options->seed, "seed of the random numbers (reported in the result)")
         ->check(WholeNumber)
         ->capture_default_str();
-  if (flags & kWithThreads)
-    app->add_option("--threads", options->threads, "threads to use (0: one per core)")->check(cli::Range(0, 1024));
+  app->add_option("--threads", options->threads,
+                  flags & kWithThreads ? "threads to use (0: one per core)"
+                                       : "as for the other commands; this one uses one thread")
+      ->check(cli::Range(0, 1024));
 }
 
 namespace {

@@ -24,6 +24,7 @@ struct CommonOptions {
   int thread_count() const;
 };
 
+// What a command does: draws random numbers; works on several threads (any command takes --threads).
 enum CommonFlag : unsigned { kWithSeed = 1, kWithThreads = 2 };
 
 // A finite number above 0 (cli::PositiveNumber takes inf).
