@@ -321,8 +321,9 @@ def test_wrong_input_is_refused_or_warned_of(lab):
     assert "held out" in lab.errors
     lab.run([logs[0]], "--axis", "gq_dph", code=3)
     assert "gq_dph" in lab.errors
-    lab.run([logs[0]], "--without", "thermal_leg", code=3)
-    assert "thermal_leg" in lab.errors and "thermal_lag" in lab.errors
+    for option in ("--without", "--only"):  # a slip of the command line, as with any other option
+        lab.run([logs[0]], option, "thermal_leg", code=2)
+        assert f"{option} thermal_leg" in lab.errors and "thermal_lag" in lab.errors and "--list-effects" in lab.errors
     missing = subprocess.run([BIN / "diagnose", "--model", lab.model], capture_output=True, text=True)
     assert missing.returncode == 2 and "--log" in missing.stderr
     text = Path(logs[0]).read_text()

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: MIT
 // diagnose: is there a gap between the logs and the believed model, where, which effect, how far does it
 // shrink.
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 
 #include "analysis/diagnose/diagnose.h"
+#include "base/suggest.h"
 #include "base/units.h"
 #include "cli/program.h"
 #include "cli/text.h"
 #include "diagnose/library_json.h"
 #include "diagnose/report.h"
 #include "diagnose/report_text.h"
+#include "physics/effects/effect.h"
 
 using namespace imucal;
 
@@ -91,6 +94,16 @@ Exit list_effects(const CommonOptions& common) {
   return Exit::kDone;
 }
 
+// A name that no effect has is a slip of the command line, and no fault of the data.
+void require_effects(const std::string& option, const std::vector<std::string>& names) {
+  std::vector<std::string> known;
+  for (const Effect* effect : effect_library()) known.push_back(effect->name());
+  for (const std::string& name : names)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      throw usage_error(option + " " + name + ": there is no such effect" + did_you_mean(name, known) +
+                        " (diagnose --list-effects names all)");
+}
+
 Exit run(Request* r) {
   const CommonOptions& common = r->common;
   DiagnoseOptions& options = r->options;
@@ -103,6 +116,8 @@ Exit run(Request* r) {
     throw usage_error("give --model or a data sheet (--arw, --white, --instability), not both");
   if (has_arw) options.arw_deg_rt_h = has_white ? arw_from_white_sigma(r->white_mg) : r->arw;
   if (!r->instability.empty()) options.instability = parse_instability(r->instability);
+  require_effects("--without", options.without);
+  require_effects("--only", options.only);
   options.seed = common.seed;
   options.threads = common.thread_count();
   if (r->no_cache) options.cache_folder.clear();
