@@ -88,6 +88,16 @@ def test_profile_optimize_writes_a_profile_that_error_confirms(files):
     assert json.loads(out.read_text())["start_degc"] in (-10, 50)
 
 
+def test_an_effect_that_the_profile_hides_is_named_from_no_amplitude_on(files):
+    """One ramp up: its rate, and time, are a function of temperature there."""
+    _, d = files
+    (d / "ramp.json").write_text(json.dumps({"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0.6, "to_degc": 60}]}))
+    table = result_of("error", d / "ramp.json", "--model", d / "model.json", "--order", 3)["tell_apart"]
+    needed = {e["name"]: e["needed_to_name"] for e in table["effects"]}
+    assert table["not_visible"] and {name for name, value in needed.items() if value is None} >= set(table["not_visible"])
+    assert all(value is None or value > 0 for value in needed.values()) and any(needed.values())
+
+
 @pytest.mark.parametrize("args, code, says", [
     (["optimize", "--range", "0:60", "--max-rate", "0.6", "--duration-s", "3600"], 2, "--duration-s 6000"),
     (["optimize", "--range", "60:0", "--max-rate", "0.6", "--duration-s", "9000"], 2, "--range 0:60"),

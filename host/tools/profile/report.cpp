@@ -84,6 +84,11 @@ std::string error_text(const CalibrationError& error, bool with_believed, const 
   return text;
 }
 
+// No amplitude makes it visible otherwise.
+static bool is_seen(const SignatureTable& table, size_t effect) {
+  return table.needed[effect] > 0;
+}
+
 Json to_json(const SignatureTable& table) {
   const size_t n = table.effects.size();
   Json json = {{"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
@@ -93,7 +98,7 @@ Json to_json(const SignatureTable& table) {
                                {"strength", table.strength[i]},
                                {"visible_frac", table.visible_frac[i]},
                                {"separable_strength", table.separable[i]},
-                               {"needed_to_name", table.needed[i]}});
+                               {"needed_to_name", is_seen(table, i) ? Json(table.needed[i]) : Json()}});
     json["correlation"].push_back(
         std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
                             table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
@@ -120,7 +125,7 @@ std::string signature_text(const SignatureTable& table, const std::string& unit)
   std::string named;
   for (size_t i = 0; i < n; ++i)
     named += (named.empty() ? "" : ", ") + table.effects[i].name +
-             (table.needed[i] > 0
+             (is_seen(table, i)
                   ? " from " + in_digits(table.needed[i], 2) + " " + unit_of(table.amplitude[i], unit) + " on"
                   : " at no size");
   if (!named.empty()) text += "  can be named: " + named + "\n";

@@ -95,7 +95,7 @@ def _correlations(ax, r):
                 ax.text(j, i, f"{c[i, j]:.2f}", ha="center", va="center", fontsize=8, color="white" if c[i, j] > 0.6 else "black")
     ax.set_xticks(range(len(c)), [name for name, _ in SIGNATURES], rotation=30, ha="right")
     needed = [e["needed_to_name"] for e in r["tell_apart"]["effects"]]
-    ax.set_yticks(range(len(c)), [f"{n}\n(from {v:.3g} {u})" for (n, u), v in zip(SIGNATURES, needed)], fontsize=8)
+    ax.set_yticks(range(len(c)), [f"{n}\n(from {v:.3g} {u})" if v else f"{n}\n(not visible)" for (n, u), v in zip(SIGNATURES, needed)], fontsize=8)
     ax.set_title(f"|correlation| of signatures, worst {r['worst_correlation']:.2f}")
 
 
