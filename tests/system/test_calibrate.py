@@ -341,12 +341,29 @@ def test_info_says_who_and_what(imu):
     assert status == 0 and "runs uncompensated" in out
 
 
-def test_monitor_prints_every_second(imu):
-    imu.sense(QUICK)
-    status, out, err = imu.calibrate("monitor", "--duration-s", "20")
+@pytest.fixture
+def fast(tmp_path):
+    """A board with few samples a second, fed as fast as it takes them: many seconds come in one piece."""
+    device = Imu(tmp_path, options=("--rate", "2"))
+    device.sense(options=("--rate-hz", 2))
+    yield device
+    device.close()
+
+
+def test_monitor_prints_every_second(fast):
+    status, out, err = fast.calibrate("monitor", "--duration-s", "20")
     assert status == 0, err
     lines = out.splitlines()
-    assert "temp_degc" in lines[0] and len(lines) >= 21
+    assert "temp_degc" in lines[0] and len(lines) == 21
+
+
+def test_a_recording_ends_with_the_second_that_was_asked_for(fast):
+    status, out, err = fast.calibrate("--json", "result.json", "record", "--duration-s", "100", "-o", "log.csv", "--compensated", "clean.csv")
+    assert status == 0, err
+    for name in ("log.csv", "clean.csv"):
+        recorded = rows(fast.folder / name)
+        assert len(recorded) == 100 and float(recorded[-1]["t_s"]) - float(recorded[0]["t_s"]) == 99
+    assert fast.json("result.json")["seconds"] == 100 and "100 seconds recorded" in out
 
 
 def test_list_works_without_a_port(imu):

@@ -385,6 +385,7 @@ private:
   void print(const SecondRecord& second) const;
   void take(uint8_t id, const imucal_link_any_t& record);
   bool is_at_end();
+  bool has_all() const { return options_.duration_s > 0 && watch_.elapsed_s() >= options_.duration_s; }
 
   Device& device_;
   const MonitorOptions& options_;
@@ -416,6 +417,7 @@ void Recording::print(const SecondRecord& second) const {
 }
 
 void Recording::take(uint8_t id, const imucal_link_any_t& record) {
+  if (id == IMUCAL_LINK_ID_SECOND && has_all()) return; // came in one piece with the last one that was asked for
   watch_.saw(id, record);
   if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_COUNTED) trouble_ |= record.event.detail;
   if (id != IMUCAL_LINK_ID_SECOND) return;
@@ -430,7 +432,7 @@ void Recording::take(uint8_t id, const imucal_link_any_t& record) {
 bool Recording::is_at_end() {
   is_interrupted_ = interrupted();
   return is_interrupted_ || watch_.has_sensor_ended() || raw_.has_failed() || compensated_.has_failed() ||
-         (options_.duration_s > 0 && watch_.elapsed_s() >= options_.duration_s);
+         has_all();
 }
 
 void Recording::listen() {
