@@ -75,6 +75,18 @@ def test_example_that_cannot_be_made_says_why(tmp_path, capsys):
     assert (tmp_path / "log.csv").read_text() == "t_s\n"
 
 
+def test_example_ends_in_the_fault_that_was_put_in_and_no_other(tmp_path, monkeypatch):
+    monkeypatch.setenv("IMUCAL_BIN", str(BIN))
+    main(["example", str(tmp_path), "-q"])
+    words = next(line for line in (tmp_path / "run.sh").read_text().splitlines() if " diagnose " in line).split()[1:]
+    subprocess.run([str(BIN / "diagnose"), *words[1:], "--quiet", "--threads", "1"], cwd=tmp_path, check=True)
+    axis, = json.loads((tmp_path / "diagnosis.json").read_text())["axes"]
+    assert axis["verdict"] == "explained" and [e["name"] for e in axis["effects"]] == ["thermal_hysteresis"]
+    effect = axis["effects"][0]
+    for name, true in (("amplitude_dph", 60), ("width_degc", 10)):
+        assert abs(effect["parameters"][name] - true) < 2.5 * effect["std_errors"][name]
+
+
 def test_example_script_leads_to_a_table_that_names_no_missing_step(tmp_path, monkeypatch):
     """All of run.sh but the diagnosis, whose minutes belong to its own tests."""
     monkeypatch.setenv("IMUCAL_BIN", str(BIN))

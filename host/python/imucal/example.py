@@ -15,6 +15,9 @@ PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
     {"rate_degc_per_min": -1.5, "to_degc": 0}, {"rate_degc_per_min": 0, "duration_s": 600}]}
 LIMITS = {"imucal_limits": 1, "span_degc": [0, 60], "max_sigma": 10, "max_bias": 2000, "max_slope_per_degc": 100}
 FAULT = [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 60, "width_degc": 10}}]
+# A first look should end in what was put in.  The noise of seed 1 happens to look like bursts (p = 1.5e-4), which diagnose then names as a
+# remainder beside the hysteresis: a false alarm.
+SEED = 2
 
 SCRIPT = """#!/bin/sh
 # From logs to a diagnosis.  Needs imucal on the PATH, or: IMUCAL=/path/to/imucal ./run.sh
@@ -64,7 +67,7 @@ def run(arguments):
     """Run the command; returns the exit status."""
     parser = parser_of("example", "A folder to play with: model, profile, limits, logs of a sensor with a fault, and a script from log to diagnosis.")
     parser.add_argument("folder", metavar="DIR")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=SEED, help="of the noise")
     common_options(parser)
     given = parser.parse_args(arguments)
     _make_folder(given.folder)
