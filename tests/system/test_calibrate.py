@@ -114,6 +114,14 @@ def test_run_error_not_reached_is_a_negative_answer_with_a_table(imu):
     assert imu.calibrate("verify", "t.json")[0] == 0
 
 
+def test_run_says_that_the_turn_on_constant_sits_in_b0(imu):
+    imu.sense(QUICK, model={**MODEL, "turn_on_sigma_dph": 50})
+    status, out, err = imu.calibrate("--json", "run.json", "run", "--model", "model.json", "-o", "t.json")
+    assert status == 0, err
+    assert out.count("b0 holds the turn-on constant (50 dph from run to run)") == 1
+    assert [axis["turn_on_sigma_dph"] for axis in imu.json("run.json")["axes"]] == [50] * 3
+
+
 def test_run_ends_after_the_duration(imu):
     # Paced, so that the device cannot run far ahead of a busy host: 200 s of sensor time are half a second.
     imu.sense(QUICK, options=["--speed", "400"])

@@ -431,8 +431,7 @@ void Recording::take(uint8_t id, const imucal_link_any_t& record) {
 
 bool Recording::is_at_end() {
   is_interrupted_ = interrupted();
-  return is_interrupted_ || watch_.has_sensor_ended() || raw_.has_failed() || compensated_.has_failed() ||
-         has_all();
+  return is_interrupted_ || watch_.has_sensor_ended() || raw_.has_failed() || compensated_.has_failed() || has_all();
 }
 
 void Recording::listen() {
@@ -516,10 +515,20 @@ Json axis_json(const AxisResult& axis, const RunResult& result, const Json& in_t
   return entry;
 }
 
+// Of the model that an axis has; one model is that of all axes.
+double turn_on_of(const RunOptions& options, size_t axis) {
+  return options.models[options.models.size() > 1 ? axis : 0].turn_on_sigma_dph;
+}
+
 Json run_json(const Device& device, const RunOptions& options, const RunResult& result, double wall_s) {
   Json json = {{"axes", Json::array()}};
   const Json in_table = axes_json(result.table);
-  for (const AxisResult& axis : result.axes) json["axes"].push_back(axis_json(axis, result, in_table));
+  for (size_t i = 0; i < result.axes.size(); ++i) {
+    Json axis = axis_json(result.axes[i], result, in_table);
+    if (const double sigma = turn_on_of(options, i); sigma > 0)
+      axis["turn_on_sigma_" + channel_unit(result.table.channel[result.axes[i].channel])] = sigma;
+    json["axes"].push_back(axis);
+  }
   json["device"] = device_json(device);
   json["flashed"] = result.is_flashed;
   json["flash_error"] = result.flash_error.empty() ? Json(nullptr) : Json(result.flash_error);
@@ -538,6 +547,14 @@ Json run_json(const Device& device, const RunOptions& options, const RunResult& 
   return json;
 }
 
+// Once where all axes have one model.
+void tell_turn_on(const RunOptions& options, const RunResult& result) {
+  for (size_t i = 0; i < (options.models.size() > 1 ? result.axes.size() : 1); ++i)
+    if (const double sigma = turn_on_of(options, i); sigma > 0)
+      std::printf("  %s%s\n", options.models.size() > 1 ? (result.axes[i].name + ": ").c_str() : "",
+                  turn_on_words(sigma, channel_unit(result.table.channel[result.axes[i].channel])).c_str());
+}
+
 void print_run(const Device& device, const RunOptions& options, const RunResult& result, const std::string& table_path,
                double wall_s) {
   std::printf("%.0f s of sensor time in %.1f s, %.2f to %.2f degC; %s\n", result.seconds, wall_s, result.seen.lo_degc,
@@ -546,6 +563,7 @@ void print_run(const Device& device, const RunOptions& options, const RunResult&
     std::printf("table %u flashed on %s, read back and verified%s%s\n", result.table.sequence, device.serial().c_str(),
                 table_path.empty() ? "" : "; written to ", table_path.c_str());
     print_axes(result.table);
+    tell_turn_on(options, result);
   }
   for (const AxisResult& axis : result.axes)
     if (axis.health.n_rejected + axis.health.n_spikes > 0)

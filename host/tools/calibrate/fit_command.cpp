@@ -55,7 +55,7 @@ bool is_dead(const FitResult& result, const FitAxis& axis) {
   });
 }
 
-std::string axis_text(const FitAxis& axis) {
+std::string axis_text(const FitResult& result, const FitAxis& axis) {
   const char* unit = axis.unit();
   std::string out = format("  B(T) = sum b_i ((T - %.6g)/%.6g)^i, b =", axis.t0_degc, axis.range_degc);
   for (const double b : axis.coeff_dph) out += format(" %.6g", b);
@@ -64,6 +64,7 @@ std::string axis_text(const FitAxis& axis) {
     out += format("%s %.4g at %.4g", i > 0 ? "," : "", axis.sigma_dph[i], axis.temp_degc[i]);
   out += " degC\n";
   if (axis.residual_noise) out += basis_text(*axis.residual_noise, unit);
+  if (const double sigma = turn_on_sigma(result, axis); sigma > 0) out += "  " + turn_on_words(sigma, unit) + "\n";
   if (axis.holds_gravity())
     out += "  b0 holds gravity along the axis, as it lay: a static test cannot tell it from the bias\n";
   if (axis.n_rejected + axis.n_bad_temperature > 0)
@@ -87,7 +88,7 @@ std::string text_of(const FitResult& result) {
     out +=
         format("%-12s order %d, %ld %s (%ld without a measurement), residual %.4g %s rms\n", axis.axis.c_str(),
                axis.order, axis.n_used, rows_of(axis.dt_s).c_str(), axis.n_missing, axis.residual_rms_dph, axis.unit());
-    out += is_dead(result, axis) ? "  no noise: not a calibration, so no coefficients\n" : axis_text(axis);
+    out += is_dead(result, axis) ? "  no noise: not a calibration, so no coefficients\n" : axis_text(result, axis);
   }
   return out;
 }

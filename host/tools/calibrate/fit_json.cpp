@@ -2,8 +2,23 @@
 #include "calibrate/fit_json.h"
 
 #include <cmath>
+#include <cstdio>
 
 namespace imucal {
+
+double turn_on_sigma(const FitResult& result, const FitAxis& axis) {
+  const std::optional<ErrorModel>& model =
+      axis.holds_gravity() && result.accel_model ? result.accel_model : result.model;
+  return model ? model->turn_on_sigma_dph : 0;
+}
+
+std::string turn_on_words(double sigma, const std::string& unit) {
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "b0 holds the turn-on constant (%.4g %s from run to run), which the predicted error does not count",
+                sigma, unit.c_str());
+  return text;
+}
 
 Json judgement_json(const std::vector<FitReason>& reasons) {
   Json list = Json::array();
@@ -61,6 +76,7 @@ Json to_json(const FitResult& result) {
     a["temp_degc"] = axis.temp_degc;
     a["sigma_dph"] = axis.sigma_dph;
     a["sigma_basis"] = axis.sigma_basis;
+    if (const double turn_on = turn_on_sigma(result, axis); turn_on > 0) a["turn_on_sigma_dph"] = turn_on;
     if (axis.residual_noise) a["residual_noise"] = noise_json(*axis.residual_noise);
     a["residual_rms_dph"] = axis.residual_rms_dph;
     a["span_degc"] = {axis.span_lo_degc, axis.span_hi_degc};
