@@ -156,3 +156,22 @@ def test_defaults_are_those_of_the_programs(thermal, tmp_path):
         fit = imucal.fit_error_model(str(tmp_path / "log.csv"), criterion="bound", markov=None)
     done = subprocess.run([BIN / "errormodel", "fit", tmp_path / "log.csv", "--json", "-"], capture_output=True, text=True, check=True)
     assert fit.model == json.loads(done.stdout)["model"]
+
+
+def test_the_curve_of_a_model_has_the_program_s_taus():
+    curve = imucal.expect(MODEL, type="av")
+    assert (curve.tau_s[0], curve.tau_s[-1]) == (2, 600)
+
+
+def test_the_shortest_profile_that_reaches_an_error():
+    found = imucal.optimize_profile(MODEL, (0, 60), 2, required_error_dph=9)
+    assert 8 < found.worst_dph <= 9.01 and found.duration_s < 7000
+    for wrong in ({}, {"duration_s": 8000, "required_error_dph": 9}):
+        with pytest.raises(imucal.UsageError, match="either --duration-s or --required-error"):
+            imucal.optimize_profile(MODEL, (0, 60), 2, **wrong)
+
+
+def test_two_columns_of_one_axis_are_told(tmp_path):
+    (tmp_path / "log.csv").write_text("t_s,temp_degc,gx_dps,gx_dph\n1,20,1,2\n2,20,1,2\n")
+    with pytest.raises(imucal.DataError, match='two columns are the axis gx_dph, "gx_dph" is the second'):
+        imucal.read_log(tmp_path / "log.csv")

@@ -241,13 +241,13 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave", intervals=True):
     return AllanDeviation(c.tau_s, c.dp_dph, c.ci95_dph, c.n_windows)
 
 
-def expect(model, tau_s, type="dp2", nominal=None):
+def expect(model, tau_s=None, type="dp2", nominal=None):
     """Closed-form curve of a model.
 
     Parameters
     ----------
     model : dict or path         error model
-    tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
+    tau_s : array, or text       "octave", "2:600:2", "log:2:600" …; default: "2:600"
     type : str                   "av", "dp1", "dp2" or "dp3"
     nominal : dict or path       model whose filter predicts (dp2, dp3); default: the model itself
 
@@ -266,7 +266,8 @@ def expect(model, tau_s, type="dp2", nominal=None):
     with Folder() as folder:
         nominal = (nominal, "nominal") if nominal is not None else (model, "model")
         options = ["--nominal", folder.json(*nominal)] if type in ("dp2", "dp3") else []
-        result = folder.run("errormodel", "expect", folder.json(model, "model"), "--type", type, "--tau", _tau_text(tau_s), *options)
+        options += ["--tau", _tau_text(tau_s)] if tau_s is not None else []
+        result = folder.run("errormodel", "expect", folder.json(model, "model"), "--type", type, *options)
     n = len(result["tau_s"])
     return DirectPredictor(np.array(result["tau_s"]), np.array(result["dp_dph"]), np.full((n, 2), np.nan), np.zeros(n, int))
 
@@ -502,7 +503,7 @@ def calibration_error(profile, model, order=3, filter_model=None, range_degc=Non
                             r["bound_dph"], r["efficiency"])
 
 
-def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order=3, seed=1):
+def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s=None, order=3, seed=1, required_error_dph=None):
     """The chamber profile with the smallest worst calibration error.
 
     Parameters
@@ -513,6 +514,7 @@ def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order
     duration_s : float           of the profile
     order : int                  of the polynomial in temperature
     seed : int                   of the search
+    required_error_dph : float   instead of a duration: the shortest profile that reaches this error (accelerometers: mg)
 
     Returns
     -------
@@ -524,8 +526,10 @@ def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order
     """
     with Folder() as folder:
         path = folder.new(".json")
+        limit = ["--duration-s", duration_s] if duration_s is not None else []
+        limit += ["--required-error", required_error_dph] if required_error_dph is not None else []
         r = folder.run("profile", "optimize", "--model", folder.json(model, "model"), "--order", order, *_span("--range", range_degc),
-                       "--max-rate", max_rate_degc_per_min, "--duration-s", duration_s, "--seed", seed, "-o", path)
+                       "--max-rate", max_rate_degc_per_min, *limit, "--seed", seed, "-o", path)
         with open(path, encoding="utf-8") as file:
             profile = json.load(file)
     return OptimizedProfile(profile, r["worst_dph"], r["bound_dph"], r["efficiency"], r["duration_s"])

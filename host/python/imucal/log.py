@@ -295,6 +295,8 @@ def _log_of(path, metadata, columns, table, lines):
         stem, _, unit = name.rpartition("_")
         if unit in _UNITS:
             internal = f"{stem}_{'mg' if unit in ('mg', 'ms2') else 'dph'}"
+            if internal in log.rates:
+                raise DataError(f"{path}: two columns are the axis {internal}, \"{name}\" is the second: leave one of them out, or rename it")
             log.rates[internal] = table[:, i] * _UNITS[unit]
     for i, name in enumerate(columns[2:], 2):
         if name.endswith("_flags"):
