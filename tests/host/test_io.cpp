@@ -105,6 +105,39 @@ static void test_log_units_become_dph_and_mg(void**) {
   assert_false(log.axis("ax_ms2").is_gyro);
 }
 
+static void test_log_axes_are_named_in_the_units_inside(void**) {
+  const std::string text = "t_s,temp_degc,gx_dps,gy_radps,ax_ms2,gx_flags\n0,20,1,1,9.80665,2\n";
+  const std::string path = file_with("inside.csv", text), copy = scratch("inside_copy.csv");
+  const Log log = read_log(path);
+  write_log(copy, log);
+  const Log back = read_log(copy);
+  std::remove(path.c_str()), std::remove(copy.c_str());
+  for (const Log& l : {log, back}) {
+    assert_string_equal(l.axes[0].name.c_str(), "gx_dph");
+    assert_string_equal(l.axes[1].name.c_str(), "gy_dph");
+    assert_string_equal(l.axes[2].name.c_str(), "ax_mg");
+    assert_true(&l.axis("gx_dps") == &l.axes[0] && &l.axis("gx_radps") == &l.axes[0] &&
+                &l.axis("ax_ms2") == &l.axes[2]);
+    assert_true(std::abs(l.axes[0].rate_dph[0] - 3600.0) < 1e-6);
+    assert_true(std::abs(l.axes[2].rate_dph[0] - 1000.0) < 1e-6);
+    assert_int_equal(l.axes[0].flags[0], 2);
+    assert_says(refusal([&] { l.axis("ax_dph"); }), "there are: gx_dph, gy_dph, ax_mg");
+  }
+}
+
+static void test_log_two_columns_of_one_axis_keep_their_names(void**) {
+  const std::string path = file_with("both.csv", "t_s,temp_degc,gx_dps,gx_dph\n0,20,1,7\n"),
+                    copy = scratch("both_copy.csv");
+  const Log log = read_log(path);
+  write_log(copy, log);
+  const Log back = read_log(copy);
+  std::remove(path.c_str()), std::remove(copy.c_str());
+  for (const Log& l : {log, back}) {
+    assert_true(std::abs(l.axis("gx_dps").rate_dph[0] - 3600.0) < 1e-6);
+    assert_true(std::abs(l.axis("gx_dph").rate_dph[0] - 7.0) < 1e-9);
+  }
+}
+
 static void test_log_metadata_several_on_a_line(void**) {
   const std::string path = file_with(
       "meta.csv", "# imucal-log = 1\n# device = ADIS16405  serial = 17  run = up-2\nt_s,temp_degc,gx_dph\n0,,1\n");
@@ -559,6 +592,8 @@ int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_log_written_reads_back),
       cmocka_unit_test(test_log_units_become_dph_and_mg),
+      cmocka_unit_test(test_log_axes_are_named_in_the_units_inside),
+      cmocka_unit_test(test_log_two_columns_of_one_axis_keep_their_names),
       cmocka_unit_test(test_log_metadata_several_on_a_line),
       cmocka_unit_test(test_log_malformed_names_the_line),
       cmocka_unit_test(test_log_unknown_axis_lists_those_there_are),

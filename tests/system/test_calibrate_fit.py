@@ -302,3 +302,34 @@ def test_without_a_model_a_jump_and_a_warm_up_are_told(folder):
     (told,) = notes(with_rates(folder, "warm.csv", lambda k, rate: rate + 400 * math.exp(-k / 800)))
     assert "a warm-up?" in told and "the first 128 s of" in told
     assert notes(with_rates(folder, "one.csv", lambda k, rate: rate + (3e4 if k == 4000 else 0))) == []
+
+
+def test_the_turn_on_constant_is_said_to_sit_in_b0(folder):
+    """No static run tells it from the bias, and another run has another one: the predicted error does not count it."""
+    (folder / "turn_on.json").write_text(json.dumps({**MODEL, "turn_on_sigma_dph": 50}))
+    for model, words in (("turn_on.json", "b0 holds the turn-on constant (50 dph from run to run)"), ("model.json", None)):
+        for method in ("kf", "poly"):
+            fit = run(BIN / "calibrate", "fit", folder / "log1.csv", "--method", method, "--model", folder / model, "--json", folder / "said.json")
+            axes = json.loads((folder / "said.json").read_text())["axes"]
+            assert fit.returncode == 0 and [axis.get("turn_on_sigma_dph") for axis in axes] == [50 if words else None] * 2
+            assert fit.stdout.count(words or "turn-on") == (2 if words else 0)
+
+
+def test_one_axis_has_one_name_in_every_program(folder):
+    """Whatever the unit of its column; --axis takes the column's name too."""
+    text = (folder / "log1.csv").read_text().splitlines()
+    at = next(i for i, line in enumerate(text) if line.startswith("t_s,"))
+    head = text[at].replace("gx_dph", "gx_dps").replace("gy_dph", "ay_ms2")
+    rows = [line.split(",") for line in text[at + 1:]]
+    lines = [",".join([r[0], r[1], repr(float(r[2]) / 3600), repr(float(r[3]) / 1e5)]) for r in rows]
+    (folder / "units.csv").write_text("\n".join([*text[:at], head, *lines]) + "\n")
+    asked = {"dp": ["dp", "units.csv", "--tau", "1,10"], "errormodel": ["errormodel", "check", "units.csv", "--model", "model.json", "--tau", "2,20"],
+             "calibrate": ["calibrate", "fit", "units.csv", "--method", "poly"],
+             "diagnose": ["diagnose", "--log", "units.csv", "--model", "model.json", "--only", "thermal_hysteresis", "--threads", "1"]}
+    for program, words in asked.items():
+        for given in ([], ["--axis", "gx_dps"], ["--axis", "gx_dph"]):
+            done = subprocess.run([str(BIN / words[0]), *words[1:], *given, "--json", "-"], capture_output=True, text=True, timeout=120, cwd=folder)
+            assert done.returncode in (0, 1), done.stderr
+            result = json.loads(done.stdout)
+            names = {entry["axis"] for entry in result.get("curves", result.get("axes"))}
+            assert names == ({"gx_dph", "ay_mg"} if program == "dp" and not given else {"gx_dph"}), (program, given, names)

@@ -55,11 +55,25 @@ std::string trimmed(const std::string& text) {
   return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
 }
 
+const UnitSuffix* unit_of(const std::string& name) {
+  const auto* unit =
+      std::find_if(std::begin(kUnits), std::end(kUnits), [&](const UnitSuffix& u) { return ends_with(name, u.text); });
+  return unit == std::end(kUnits) ? nullptr : unit;
+}
+
+// gx_dps -> gx_dph, ax_ms2 -> ax_mg: rates are held in dph, accelerations in mg.  Other names stay.
+std::string name_inside(const std::string& name) {
+  const UnitSuffix* unit = unit_of(name);
+  if (!unit) return name;
+  return name.substr(0, name.size() - std::strlen(unit->text)) + (unit->is_gyro ? "_dph" : "_mg");
+}
+
 // What a column after t_s and temp_degc means.
 struct Column {
   enum Kind { kAxis, kFlags, kAuxiliary, kCounts } kind = kAxis;
   size_t index = 0; // axis the column belongs to
-  std::string name;
+  std::string name; // as in the file
+  double to_internal = 1;
 };
 
 bool is_raw(const std::vector<Column>& columns) {
@@ -188,6 +202,19 @@ LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<s
   in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
 }
 
+// Beside a column of the name that it would have inside, a column keeps its own.
+LogAxis axis_of(const std::string& column, const UnitSuffix& unit, const std::vector<std::string>& columns) {
+  LogAxis axis;
+  axis.is_gyro = unit.is_gyro;
+  const auto is_twin = [&](const std::string& other) {
+    return other != column && unit_of(other) && name_inside(other) == name_inside(column);
+  };
+  const bool has_twin = std::any_of(columns.begin(), columns.end(), is_twin);
+  axis.name = has_twin ? column : name_inside(column);
+  axis.to_internal = has_twin ? unit.to_internal : 1;
+  return axis;
+}
+
 std::vector<Column> columns_of(const LineReader& in, Log* log) {
   const std::vector<std::string> names = split(in.line());
   if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
@@ -207,18 +234,13 @@ std::vector<Column> columns_of(const LineReader& in, Log* log) {
       log->axes.push_back(raw_axis(in, name, log->metadata));
       continue;
     }
-    const auto* unit = std::find_if(std::begin(kUnits), std::end(kUnits),
-                                    [&](const UnitSuffix& u) { return ends_with(name, u.text); });
-    if (unit == std::end(kUnits)) {
+    const UnitSuffix* unit = unit_of(name);
+    if (!unit) {
       columns.push_back({Column::kAuxiliary, 0, name});
       continue;
     }
-    columns.push_back({Column::kAxis, log->axes.size(), name});
-    LogAxis axis;
-    axis.name = name;
-    axis.to_internal = unit->to_internal;
-    axis.is_gyro = unit->is_gyro;
-    log->axes.push_back(axis);
+    columns.push_back({Column::kAxis, log->axes.size(), name, unit->to_internal});
+    log->axes.push_back(axis_of(name, *unit, names));
   }
   for (Column& column : columns) {
     if (column.kind != Column::kFlags) continue;
@@ -427,6 +449,8 @@ const LogAxis& Log::axis(const std::string& name) const {
     list += (list.empty() ? "" : ", ") + a.name;
     names.push_back(a.name);
   }
+  for (const LogAxis& a : axes)
+    if (a.name == name_inside(name)) return a;
   throw data_error(path + ": no axis \"" + name + "\"" + did_you_mean(name, names) + " (there are: " + list + ")");
 }
 
@@ -585,7 +609,7 @@ static std::vector<Place> places_for(const std::vector<Column>& columns, Log* lo
     Place& place = places[c];
     LogAxis& axis = log->axes[columns[c].index];
     if (columns[c].kind == Column::kAuxiliary) place.values = &log->auxiliary[columns[c].name];
-    if (columns[c].kind == Column::kAxis) place.values = &axis.rate_dph, place.to_internal = axis.to_internal;
+    if (columns[c].kind == Column::kAxis) place.values = &axis.rate_dph, place.to_internal = columns[c].to_internal;
     if (columns[c].kind == Column::kFlags) place.flags = &axis.flags;
     if (place.values) place.values->reserve(log->expected_rows);
     if (place.flags) place.flags->reserve(log->expected_rows);
@@ -649,7 +673,7 @@ void scan_log(const std::string& path, const std::function<void(const Log& heade
   while (rows.next()) {
     const double* value = rows.values();
     for (const Column& column : columns) {
-      if (column.kind == Column::kAxis) rate_dph[column.index] = *value * rows.header().axes[column.index].to_internal;
+      if (column.kind == Column::kAxis) rate_dph[column.index] = *value * column.to_internal;
       if (column.kind == Column::kFlags) flags[column.index] = std::isnan(*value) ? 0 : static_cast<int>(*value);
       ++value;
     }

@@ -15,8 +15,8 @@ namespace imucal {
 enum LogFlag : int { kSaturated = 1, kSamplesMissing = 2, kSensorFault = 4 };
 
 struct LogAxis {
-  std::string name;         // column name as in the file, e.g. "gx_dph" or "gx_dps"
-  double to_internal = 1.0; // file unit -> dph (gyros) or mg (accelerometers)
+  std::string name; // of a log that was read in the units inside: "gx_dph" of a column gx_dps, "ax_mg" of ax_ms2
+  double to_internal = 1.0; // unit of `name` -> dph (gyros) or mg (accelerometers)
   bool is_gyro = true;
   std::vector<double> rate_dph;        // one per row; NaN where missing.  mg for accelerometers.
   std::vector<int> flags;              // one per row; empty where the log has no such column
@@ -37,7 +37,7 @@ struct Log {
 
   size_t size() const { return t_s.size(); }
   bool has_temperature() const;                       // at least one finite temperature
-  const LogAxis& axis(const std::string& name) const; // data_error lists the axes there are
+  const LogAxis& axis(const std::string& name) const; // "gx_dps" too is gx_dph; data_error lists the axes there are
   double dt_s() const;                                // median step
   std::string place(size_t row) const;                // "log.csv:17" for messages
 };

@@ -168,11 +168,14 @@ std::vector<Log> read_all(const std::vector<std::string>& paths) {
 // Those asked for; else of one kind of sensor: what the model is of, gyros by default.
 std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& wanted, const ErrorModel& model) {
   if (!wanted.empty()) {
+    std::vector<std::string> names; // as the log has them: gx_dph where gx_dps is asked for
     std::set<std::string> seen;
-    for (const std::string& name : wanted)
+    for (const std::string& name : wanted) {
       if (!seen.insert(log.axis(name).name).second)
         throw data_error(log.path + ": its axis " + name + " is asked for twice: name every axis once with --axis");
-    return wanted;
+      names.push_back(log.axis(name).name);
+    }
+    return names;
   }
   std::vector<std::string> gyros, accels;
   for (const LogAxis& axis : log.axes) (axis.is_gyro ? gyros : accels).push_back(axis.name);

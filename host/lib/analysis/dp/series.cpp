@@ -112,8 +112,11 @@ std::vector<size_t> columns_of_axes(const Log& header, const std::vector<std::st
   if (axes.empty())
     for (const LogAxis& a : header.axes) out->axes.push_back(a.name);
   std::vector<size_t> columns;
-  for (const std::string& name : out->axes)
-    columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
+  for (std::string& name : out->axes) {
+    const LogAxis& axis = header.axis(name);
+    columns.push_back(static_cast<size_t>(&axis - header.axes.data()));
+    name = axis.name;
+  }
   return columns;
 }
 
