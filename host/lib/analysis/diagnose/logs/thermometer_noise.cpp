@@ -33,6 +33,16 @@ struct FollowSums {
   }
 };
 
+// Rates in coarse steps are mostly equal to the one before: their noise is that of the rounding at least, whatever most
+// differences say.
+double smallest_change_dph(const Campaign& campaign) {
+  double smallest = 1e300;
+  for (const CampaignRun& run : campaign.runs)
+    for (const double change : changes_between_samples(run))
+      if (change > 0) smallest = std::min(smallest, change);
+  return smallest < 1e300 ? smallest : 0;
+}
+
 } // namespace
 
 std::optional<ThermometerNoise> thermometer_noise(const Campaign& campaign) {
@@ -60,7 +70,9 @@ std::optional<ThermometerNoise> thermometer_noise(const Campaign& campaign) {
   // Below 0 it is as likely as it is at 0.
   if (lacks * (1 + felt - 2 * c) / (2 * variance) < kSeen_nats) return std::nullopt;
   const auto n = static_cast<double>(campaign.n());
-  return ThermometerNoise{felt, lacks * std::sqrt(degc2 / n), lacks * std::sqrt(dph2 / n), white_dph};
+  const double rounding_dph = smallest_change_dph(campaign) / std::sqrt(12.0);
+  return ThermometerNoise{felt, lacks * std::sqrt(degc2 / n), lacks * std::sqrt(dph2 / n),
+                          std::max(white_dph, rounding_dph)};
 }
 
 void take_smoothed(double felt, Campaign* campaign) {
