@@ -456,6 +456,79 @@ static void test_a_model_of_axes_with_other_biases_is_told(void**) {
   assert_true(warned(300, 0));
 }
 
+// Rates in coarse steps: most are as the one before, which is no silence that the noise of a thermometer could spoil.
+static void test_noise_of_the_thermometer_counts_beside_the_rounding_of_the_rates(void**) {
+  const auto seen = [](double step_dph) {
+    std::vector<Log> logs = steep_logs(870, 0, 0.15);
+    for (Log& log : logs)
+      for (double& rate : log.axes[0].rate_dph) rate = step_dph > 0 ? step_dph * std::round(rate / step_dph) : rate;
+    return thermometer_noise(make_campaign(logs, "gx_dph", {}));
+  };
+  const std::optional<ThermometerNoise> fine = seen(0), coarse = seen(2000);
+  assert_true(fine && fine->is_notable());
+  assert_true(coarse && coarse->white_dph > 500 && !coarse->is_notable());
+}
+
+// Why a row counts or not: every reason once, in rows of the log, held-out logs behind the fitted ones.
+static void test_the_record_says_why_rows_are_left_out(void**) {
+  Log log = simulated_log(31, 6000, false, 0), unseen = simulated_log(32, 3000, false, 0);
+  LogAxis& axis = log.axes[0];
+  axis.flags.assign(log.size(), 0);
+  axis.rate_dph[10] = std::nan(""), axis.flags[20] = kSaturated;
+  axis.rate_dph[3000] = axis.rate_dph[3001] = axis.rate_dph[3002] = 0; // between rates of 500 dph
+  axis.rate_dph[2000] = 1e5;
+  for (size_t k = 1000; k < 1300; ++k) log.temp_degc[k] = log.temp_degc[1000];
+  unseen.axes[0].rate_dph[40] = std::nan("");
+  const std::vector<Log> fitted = {log}, held_out = {unseen};
+  Campaign campaign = make_campaign(fitted, "gx_dph", nominal_model()),
+           other = make_campaign_like(campaign, held_out, nominal_model());
+  Record record(fitted, held_out, "gx_dph");
+  std::vector<bool> active(effect_library().size(), true);
+  record.leave_out(find_structure(&campaign, &other, effect_library(), active), campaign, other);
+  std::vector<std::vector<char>> jump(1, std::vector<char>(campaign.runs[0].input.size(), 0));
+  jump[0][5000 - 299] = 1; // the row 5000 of the log: 299 of the stuck thermometer are no rows of the run
+  mask(&campaign, jump);
+  record.leave_out_rest(campaign, other);
+  const std::vector<RecordedLog> logs = record.logs();
+  assert_int_equal(logs.size(), 2);
+  const auto rows_of = [&](size_t i, const char* why) {
+    for (const LeftOutRows& rows : logs[i].left_out)
+      if (rows.why == why) return rows;
+    fail_msg("no row is left out as %s", why);
+    return LeftOutRows();
+  };
+  const auto assert_at = [&](size_t i, const char* why, size_t n, double first_s) {
+    const LeftOutRows rows = rows_of(i, why);
+    assert_int_equal(rows.n, n), assert_int_equal(rows.rows.t_s.size(), n);
+    assert_true(rows.rows.t_s[0] == first_s);
+  };
+  assert_at(0, kLeftOutNoRate, 1, 11), assert_at(0, kLeftOutFlagged, 1, 21), assert_at(0, kLeftOutHit, 1, 2001);
+  assert_at(0, kLeftOutStuck, 299, 1002), assert_at(0, kLeftOutJump, 1, 5001);
+  assert_at(1, kLeftOutNoRate, 1, 41);
+  assert_true(logs[1].is_held_out && logs[1].log == 0 && logs[1].left_out.size() == 1);
+  size_t n_zeros = 0;
+  for (const LeftOutRows& rows : logs[0].left_out)
+    for (double rate : rows.rows.rate_dph) n_zeros += rate == 0;
+  assert_int_equal(n_zeros, 3);
+  size_t n_left_out = 0;
+  for (const LeftOutRows& rows : logs[0].left_out) n_left_out += rows.n;
+  assert_int_equal(logs[0].every, 3); // 9000 rows, 4000 are enough
+  assert_int_equal(logs[0].used.t_s.size(), (6000 - n_left_out + 2) / 3);
+}
+
+// A log that is left out as a whole is still a record, and says why.
+static void test_the_record_keeps_a_log_that_is_left_out(void**) {
+  Log dead = simulated_log(33, 3000, false, 0);
+  for (double& rate : dead.axes[0].rate_dph) rate = 5;
+  const std::vector<Log> logs = {dead, simulated_log(34, 3000, false, 0), simulated_log(35, 3000, false, 0)};
+  const DiagnoseResult found = answer(logs, {});
+  const std::vector<RecordedLog>& record = found.axes.at(0).record;
+  assert_int_equal(record.size(), 3);
+  assert_true(record[0].why_left_out.find("one and the same rate") != std::string::npos &&
+              record[0].used.rate_dph[7] == 5);
+  assert_true(record[1].why_left_out.empty());
+}
+
 int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
@@ -479,6 +552,9 @@ int main() {
       cmocka_unit_test(test_a_row_missing_in_ten_does_not_change_the_smoothed_temperature),
       cmocka_unit_test(test_the_least_is_smoothed_where_nothing_tells_how_much),
       cmocka_unit_test(test_a_model_of_axes_with_other_biases_is_told),
+      cmocka_unit_test(test_noise_of_the_thermometer_counts_beside_the_rounding_of_the_rates),
+      cmocka_unit_test(test_the_record_says_why_rows_are_left_out),
+      cmocka_unit_test(test_the_record_keeps_a_log_that_is_left_out),
   };
   return cmocka_run_group_tests_name("diagnose: logs", tests, nullptr, nullptr);
 }

@@ -53,7 +53,7 @@ static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
   axis.campaign.runs.resize(1), axis.campaign.has_temperature = false;
   Selection& s = axis.study.selection;
   s.verdict = selection.verdict, s.effects = selection.effects, s.before = selection.before, s.after = selection.after;
-  s.dropped = selection.dropped, s.chance = selection.chance;
+  s.remainders = selection.remainders, s.dropped = selection.dropped, s.chance = selection.chance;
   axis.nominal_fit.residual.resize(1), axis.plain_fit.residual.resize(1), axis.final_fit.residual.resize(1);
   DiagnoseOptions options;
   options.false_alarm_rate = false_alarm_rate;
@@ -82,6 +82,38 @@ static void test_means_that_are_drawn_hold_no_hit(void**) {
     for (const Json& mean : drawn[key]) assert_true(std::fabs(static_cast<double>(mean) - 100) < 2);
 }
 
+// An hour without seconds: no mean is of both sides of it, and what is at its edge is not lost.
+static void test_means_that_are_drawn_do_not_go_over_a_hole(void**) {
+  Log log;
+  log.axes.resize(1);
+  log.axes[0].name = "gx_dph";
+  for (int k = 0; k < 5000; ++k) {
+    if (k >= 645 && k < 4245) continue;
+    log.t_s.push_back(k + 1), log.temp_degc.push_back(20 + 0.01 * k);
+    log.axes[0].rate_dph.push_back((k < 645 ? 100 : 300) + (k % 7 - 3) * 10);
+  }
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  axis.campaign = make_campaign({log}, "gx_dph", {});
+  axis.nominal_fit.residual = axis.plain_fit.residual = axis.final_fit.residual = rates(axis.campaign);
+  axis.nominal_fit.e = axis.plain_fit.e = axis.final_fit.e = rates(axis.campaign);
+  const Json plots = diagnosis_json({}, result)["axes"][0]["plots"];
+  const Json& drawn = plots["residual"];
+  assert_int_equal(drawn["rate_dph"].size(),
+                   11 + 12); // 645 s: ten minutes and 45 s; 755 s: twelve minutes, 35 s at the end are not kept
+  for (size_t k = 0; k < drawn["rate_dph"].size(); ++k) {
+    const double t_s = static_cast<double>(drawn["t_s"][k]), mean_dph = static_cast<double>(drawn["rate_dph"][k]);
+    assert_true(std::fabs(mean_dph - (t_s < 700 ? 100 : 300)) < 3);
+  }
+  // Temperatures that were passed in the hole alone have no seconds, and no variance of 0 standard errors.
+  const Json& z = plots["gap_map"]["z"][0];
+  size_t n_empty = 0;
+  for (const Json& cell : z) n_empty += cell.is_null();
+  assert_true(n_empty >= 6 && n_empty < z.size());
+}
+
 static size_t count(const std::string& text, const std::string& part) {
   size_t n = 0;
   for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
@@ -96,6 +128,22 @@ static void assert_is(const Json& number, double value) {
 }
 static void assert_lacks(const std::string& text, const char* part) {
   if (count(text, part) > 0) fail_msg("\"%s\" is in:\n%s", part, text.c_str());
+}
+
+// What was rejected is a name; what tests still see is none, and is not said to be rejected.
+static void test_what_is_left_is_not_called_rejected(void**) {
+  const CandidateEvidence lag{&find_effect("thermal_lag"), nullptr, false, Family::kThermalMemory, 20, 6};
+  Selection s;
+  s.verdict = Verdict::kPartlyExplained;
+  s.effects = {effect_of("white_noise_vs_temperature", 40)}, s.remainders = {lag};
+  s.before.resize(2), s.after.resize(2);
+  s.after[0] = {Rest::kVarianceOverTemperature, 5, 6}, s.after[1] = {Rest::kSuddenChanges, 4, 6};
+  assert_string_equal(
+      told(s)["gap"]["remainder"].text().c_str(),
+      "sudden changes of the bias; more of the kind that was found: noise of a strength that depends on temperature; "
+      "a noise has no mean to predict.  Considered and rejected: thermal_lag");
+  s.after[0].evidence_nats = s.after[1].evidence_nats = -1, s.effects.clear();
+  assert_string_equal(told(s)["gap"]["remainder"].text().c_str(), "considered and rejected: thermal_lag");
 }
 
 static void test_a_family_that_is_told_is_in_the_headline(void**) {
@@ -418,7 +466,7 @@ static void test_names_that_were_rejected_are_told_apart_from_free_shapes(void**
   const CandidateEvidence shape = free_shape(Family::kThermalMemory);
   const std::string text = said(Verdict::kUnexplained, {}, {name, shape, other, name});
   assert_has(text, "nearest comes thermal_hysteresis");
-  assert_has(text, "; considered and rejected: thermal_hysteresis, warm_up\n");
+  assert_has(text, ".  Considered and rejected: thermal_hysteresis, warm_up\n");
   assert_int_equal(count(text, "would follow the logs more closely"), 1);
   assert_has(text, (std::string(shape.reference->what) + " would follow the logs more closely").c_str());
 }
@@ -509,6 +557,8 @@ static void test_no_name_is_twice_in_a_set(void**) {
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_means_that_are_drawn_hold_no_hit),
+      cmocka_unit_test(test_means_that_are_drawn_do_not_go_over_a_hole),
+      cmocka_unit_test(test_what_is_left_is_not_called_rejected),
       cmocka_unit_test(test_a_family_that_is_told_is_in_the_headline),
       cmocka_unit_test(test_a_family_is_told_with_what_is_open),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),

@@ -61,9 +61,33 @@ bool has_errors_of_fit(const GapResult& g) {
   return g.minutes.fit_ms_dph2 > 0.1 * g.minutes.noise_rms_dph * g.minutes.noise_rms_dph;
 }
 
+// What such a test sees is what is named, or more of it.
+bool stands_for(const SelectedEffect& e, Rest test) {
+  if (!e.term.estimator) return test == Rest::kSpectrum && e.family == Family::kSlowNoise;
+  const EffectEstimator& effect = *e.term.estimator;
+  const bool is_noise = effect.form() == Form::kNoise;
+  switch (test) {
+  case Rest::kSpectrum:
+    return e.family == Family::kSlowNoise || (is_noise && effect.is_slow_noise());
+  case Rest::kVarianceOverTemperature:
+  case Rest::kVarianceOverTime:
+    return is_noise && effect.needs_temperature();
+  case Rest::kDistribution:
+  case Rest::kBursts:
+    return is_noise && !effect.is_slow_noise() && !effect.needs_temperature() && !effect.is_nominal_noise();
+  case Rest::kSuddenChanges:
+    return effect.form() == Form::kSteps || effect.is_jumping();
+  case Rest::kLine:
+    return effect.form() == Form::kTone;
+  case Rest::kCount:
+    break;
+  }
+  return false;
+}
+
 } // namespace
 
-// What is left, in a sentence.
+// What is left, in sentences.
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   const GapResult& g = axis.study.gap;
@@ -75,11 +99,15 @@ std::string remainder(const AxisResult& axis) {
       add(std::string(c.reference->what) + " would follow the logs more closely");
     else
       add_once(name_of(c), &rejected);
-  if (!rejected.empty()) add("considered and rejected: " + joined(rejected, ", "));
   for (const SelectedEffect& e : s.dropped)
     if (!e.came_by_chance) add("what " + name_of(e) + " took in the fitted logs and held-out data do not support");
+  std::vector<std::string> more;
   for (const RestFinding& f : s.after)
-    if (f.evidence_nats > 0) add(rest_text(f.test));
+    if (f.evidence_nats > 0 && !finds(s, [&](const SelectedEffect& e) { return stands_for(e, f.test); }))
+      add(rest_text(f.test));
+    else if (f.evidence_nats > 0)
+      more.push_back(rest_text(f.test));
+  if (!more.empty()) add("more of the kind that was found: " + joined(more, ", "));
   std::vector<std::string> unseen;
   for (const RestFinding& f : s.unseen)
     if (f.evidence_nats > 0) unseen.push_back(rest_text(f.test));
@@ -108,6 +136,8 @@ std::string remainder(const AxisResult& axis) {
       finds(s, [](const SelectedEffect& e) { return e.term.estimator && e.term.form() == Form::kSteps; }))
     add("jumps at single moments foretell no other data");
   if (!g.has_mean && finds(s, is_noise)) add("a noise has no mean to predict");
+  if (!rejected.empty() && said.empty()) return "considered and rejected: " + joined(rejected, ", ");
+  if (!rejected.empty()) return joined(said, "; ") + ".  Considered and rejected: " + joined(rejected, ", ");
   return said.empty() ? "nothing detectable on the held-out data" : joined(said, "; ");
 }
 

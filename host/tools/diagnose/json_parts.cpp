@@ -2,12 +2,21 @@
 #include "diagnose/json_parts.h"
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "diagnose/words.h"
 
 namespace imucal {
 Json number(double x) {
   return std::isfinite(x) ? Json(x) : Json(nullptr);
+}
+
+Json short_number(double x) {
+  if (!std::isfinite(x)) return Json(nullptr);
+  char text[32];
+  std::snprintf(text, sizeof text, "%.7g", x);
+  return Json(std::strtod(text, nullptr));
 }
 
 Json numbers(const std::vector<double>& x) {

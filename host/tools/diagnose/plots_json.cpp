@@ -68,6 +68,23 @@ Json where_json(const AxisResult& axis) {
 
 namespace {
 
+// Used rows [first, end) of a run that one mean is of.
+struct MeanRows {
+  long first, end;
+};
+// `block` rows each.  None goes over a hole as long as itself: it would be of no time and of no temperature.  Before a hole one
+// of half as many rows is kept.
+std::vector<MeanRows> rows_of_means(const CampaignRun& run, long n, long block) {
+  std::vector<MeanRows> out;
+  long first = 0;
+  for (long k = 1; k <= n; ++k) {
+    const bool is_hole = k < n && run.steps[static_cast<size_t>(k)] > block;
+    if (k - first == block || (is_hole && 2 * (k - first) >= block)) out.push_back({first, k});
+    if (k - first == block || is_hole) first = k;
+  }
+  return out;
+}
+
 // One-minute means: what was measured, what the polynomial and the whole answer make of it, and what is left.
 // Means of what is left, without hits: one of a million dph is no part of what a minute was.
 Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after) {
@@ -79,15 +96,16 @@ Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     n_hits += (hits[r].array() != 0).count();
-    for (long k = 0; k + block <= before.residual[r].size(); k += block) {
-      const Eigen::ArrayXd counts = (hits[r].segment(k, block).array() == 0).cast<double>();
+    for (const auto& [k, end] : rows_of_means(run, before.residual[r].size(), block)) {
+      const long n = end - k;
+      const Eigen::ArrayXd counts = (hits[r].segment(k, n).array() == 0).cast<double>();
       const auto mean_of = [&](const auto& x) { return (x.array() * counts).sum() / std::max(1.0, counts.sum()); };
-      Eigen::VectorXd rates(block);
-      for (long i = 0; i < block; ++i)
+      Eigen::VectorXd rates(n);
+      for (long i = 0; i < n; ++i)
         rates[i] = run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(k + i)])];
-      const double mean = mean_of(rates), left_b = mean_of(before.residual[r].segment(k, block)),
-                   left_a = mean_of(after.residual[r].segment(k, block));
-      const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);
+      const double mean = mean_of(rates), left_b = mean_of(before.residual[r].segment(k, n)),
+                   left_a = mean_of(after.residual[r].segment(k, n));
+      const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + n / 2)]);
       temp.push_back(campaign.has_temperature ? Json(run.input.smooth_degc[row]) : Json(nullptr));
       rate.push_back(run.input.rate_degc_min[row]);
       time.push_back(time_in_log_s(run, run.input.t_s[row]));
@@ -137,13 +155,63 @@ Json map_json(const Campaign& campaign, const Fit& fit) {
   for (size_t band = 0; band < sum.size(); ++band) {
     tau.push_back(campaign.dt_s * std::ldexp(1.0, static_cast<int>(band)));
     Json row = Json::array();
-    for (size_t b = 0; b < kTemps; ++b) row.push_back(n[band][b] > 0 ? sum[band][b] / std::sqrt(2 * n[band][b]) : 0.0);
+    for (size_t b = 0; b < kTemps; ++b)
+      row.push_back(number(sum[band][b] / std::sqrt(2 * n[band][b]))); // no data: null
     z.push_back(row);
   }
   return {{"tau_s", tau}, {"temp_edges_degc", temp}, {"z", z}};
 }
 
+// Held-out units in minutes, one after the other.
+Json held_out_json(const AxisResult& axis) {
+  Json unit = Json::array(), log = Json::array(), time = Json::array(), temp = Json::array(), slope = Json::array(),
+       rate = Json::array(), before = Json::array(), after = Json::array();
+  const std::vector<UnitMinutes>& units = axis.study.gap.units;
+  for (size_t u = 0; u < units.size(); ++u)
+    for (size_t k = 0; k < units[u].t_s.size(); ++k) {
+      unit.push_back(u), log.push_back(units[u].log), time.push_back(units[u].t_s[k]);
+      temp.push_back(axis.campaign.has_temperature ? Json(units[u].temp_degc[k]) : Json(nullptr));
+      slope.push_back(units[u].slope_degc_min[k]);
+      rate.push_back(short_number(units[u].rate_dph[k]));
+      before.push_back(short_number(units[u].before_dph[k])), after.push_back(short_number(units[u].after_dph[k]));
+    }
+  return {{"mean_s", axis.study.gap.minutes.minute_s},
+          {"are_logs", axis.study.gap.method == HeldOut::kLogs},
+          {"unit", unit},
+          {"log", log},
+          {"t_s", time},
+          {"temp_degc", temp},
+          {"rate_degc_per_min", slope},
+          {"rate_dph", rate},
+          {"before_dph", before},
+          {"after_dph", after}};
+}
+
+Json rows_json(const RecordedRows& rows) {
+  Json time = Json::array(), temp = Json::array(), rate = Json::array();
+  for (size_t k = 0; k < rows.t_s.size(); ++k)
+    time.push_back(rows.t_s[k]), temp.push_back(short_number(rows.temp_degc[k])),
+        rate.push_back(short_number(rows.rate_dph[k]));
+  return {{"t_s", time}, {"temp_degc", temp}, {"rate_dph", rate}};
+}
+
 } // namespace
+
+Json record_json(const AxisResult& axis) {
+  Json logs = Json::array();
+  for (const RecordedLog& log : axis.record) {
+    Json entry = rows_json(log.used), left_out = Json::array();
+    for (const LeftOutRows& rows : log.left_out) {
+      Json some = rows_json(rows.rows);
+      some.update({{"why", rows.why}, {"label", left_out_text(rows.why)}, {"n", rows.n}});
+      left_out.push_back(some);
+    }
+    entry.update({{"log", log.log}, {"is_held_out", log.is_held_out}, {"every", log.every}, {"left_out", left_out}});
+    if (!log.why_left_out.empty()) entry["why_left_out"] = log.why_left_out;
+    logs.push_back(entry);
+  }
+  return logs;
+}
 
 Json plots_json(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -155,12 +223,15 @@ Json plots_json(const AxisResult& axis) {
                      {"evidence_before_nats", s.before[i].evidence_nats},
                      {"evidence_after_nats", s.after[i].evidence_nats},
                      {"threshold_nats", s.before[i].threshold_nats}});
-  return {{"gap_map", campaign.has_temperature ? map_json(campaign, axis.nominal_fit) : Json(nullptr)},
+  return {{"record", record_json(axis)},
+          {"held_out", held_out_json(axis)},
+          {"gap_map", campaign.has_temperature ? map_json(campaign, axis.nominal_fit) : Json(nullptr)},
           {"gap_map_after", campaign.has_temperature ? map_json(campaign, axis.final_fit) : Json(nullptr)},
           {"residual", residual_json(campaign, axis.plain_fit, axis.final_fit)},
           {"dp2",
            {{"tau_s", numbers(axis.dp2.tau_s)},
             {"data_dph", numbers(axis.dp2.data_dph)},
+            {"data_after_dph", numbers(axis.dp2.left_dph)},
             {"model_before_dph", numbers(axis.dp2.nominal_dph)},
             {"model_after_dph", numbers(axis.dp2.final_dph)}}},
           {"candidates", candidates},

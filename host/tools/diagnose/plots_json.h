@@ -7,6 +7,7 @@
 namespace imucal {
 
 Json where_json(const AxisResult& axis);
+Json record_json(const AxisResult& axis); // of an axis without an answer too
 Json plots_json(const AxisResult& axis);
 
 } // namespace imucal

@@ -142,6 +142,7 @@ Json refused_json(const AxisResult& axis) {
           {"advice", Json::array()},
           {"advised_profile", nullptr},
           {"notes", Json::array()},
+          {"plots", {{"record", record_json(axis)}}},
           {"gap",
            {{"before", nullptr},
             {"after", nullptr},

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <utility>
 
 namespace imucal {
 
@@ -32,6 +33,17 @@ std::string name_of(const CandidateEvidence& c) {
 }
 std::string name_of(const SelectedEffect& e) {
   return e.is_family || !e.term.effect ? family_name(e.family) : e.term.effect->name();
+}
+
+std::string left_out_text(const std::string& why) {
+  static const std::pair<const char*, const char*> texts[] = {
+      {kLeftOutNoRate, "no rate in the log"},          {kLeftOutFlagged, "flagged as saturated or faulty"},
+      {kLeftOutStuck, "the thermometer was stuck"},    {kLeftOutZero, "exact zeros that are no rates"},
+      {kLeftOutNeighbour, "within 10 s of those"},     {kLeftOutJump, "at a jump in time"},
+      {kLeftOutHit, "single seconds out of all noise"}};
+  for (const auto& [name, text] : texts)
+    if (why == name) return text;
+  return find_effect(why).label();
 }
 
 } // namespace imucal

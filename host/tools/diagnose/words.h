@@ -23,4 +23,7 @@ std::string capitalised(std::string sentence);
 std::string name_of(const CandidateEvidence& c);
 std::string name_of(const SelectedEffect& e);
 
+// Why seconds are left out, as RecordedLog says it: in words.
+std::string left_out_text(const std::string& why);
+
 } // namespace imucal

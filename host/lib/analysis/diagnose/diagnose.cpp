@@ -356,6 +356,8 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   SelectOptions select;
   // What the recorder did shows in the rates as they are: less a known effect, a zero is no zero.
   select.structure = find_structure(&axis.campaign, held_out_runs, library, active);
+  Record record(logs, held_out, name);
+  record.leave_out(select.structure, axis.campaign, unseen);
   take_out_and_warn(options, model, 0, &axis.campaign, &axis);
   if (held_out_runs) take_out_and_warn(options, model, logs.size(), held_out_runs, &axis);
   select.constants = options.constants;
@@ -372,6 +374,8 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
         .threshold_nats;
   };
   axis.study = study_axis(&axis.campaign, held_out_runs, belief, library, active, select);
+  record.leave_out_rest(axis.campaign, unseen);
+  axis.record = record.logs();
   tell_left_out(axis.campaign, logs, &axis);
   tell_held_out(unseen, held_out, &axis);
   if (belief.has_data_sheet && !axis.study.selection.cannot_judge)
@@ -460,6 +464,7 @@ DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& m
       axis = AxisResult();
       axis.axis = name, axis.refused = error.what();
       axis.study.selection.verdict = Verdict::kUnexplained;
+      axis.record = Record(logs, held_out, name).logs();
     }
   });
   size_t n_refused = 0;

@@ -6,6 +6,7 @@
 
 #include "analysis/diagnose/evidence/identify.h"
 #include "analysis/diagnose/evidence/where.h"
+#include "analysis/diagnose/record.h"
 #include "analysis/diagnose/select.h"
 #include "analysis/diagnose/stages/dp2.h"
 
@@ -33,6 +34,7 @@ struct AxisResult {
   bool is_calibration_cached = false;
   double seconds = 0, calibration_s = 0; // wall clock, without and of the calibration
   std::vector<UnusedLog> left_out;
+  std::vector<RecordedLog> record; // as it was logged, of an axis that is refused too
   std::vector<std::string> warnings;
 };
 

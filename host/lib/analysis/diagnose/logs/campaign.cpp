@@ -236,6 +236,18 @@ double time_in_log_s(const CampaignRun& run, double t_s) {
   return out;
 }
 
+// Without those in which its thermometer gave the reading of an earlier one.
+std::vector<size_t> rows_of_log(const CampaignRun& run, size_t n_rows) {
+  std::vector<size_t> rows;
+  size_t next = 0;
+  for (const Hold& hold : run.holds) {
+    for (; next <= hold.first; ++next) rows.push_back(next);
+    next = hold.end;
+  }
+  for (; next < n_rows; ++next) rows.push_back(next);
+  return rows;
+}
+
 static bool is_stuck(const CampaignRun& run) {
   for (size_t k = 1; k < run.n(); ++k)
     if (run.input.rate_dph[static_cast<size_t>(run.used[k])] != run.input.rate_dph[static_cast<size_t>(run.used[0])])
@@ -276,18 +288,6 @@ Campaign empty_campaign(const std::vector<Log>& logs, const std::vector<size_t>&
   return campaign;
 }
 
-// Rows of a log but those in which its thermometer gave the reading of an earlier one.
-std::vector<size_t> rows_without(const std::vector<Hold>& holds, size_t n_rows) {
-  std::vector<size_t> rows;
-  size_t next = 0;
-  for (const Hold& hold : holds) {
-    for (; next <= hold.first; ++next) rows.push_back(next);
-    next = hold.end;
-  }
-  for (; next < n_rows; ++next) rows.push_back(next);
-  return rows;
-}
-
 template <class T> std::vector<T> picked(const std::vector<T>& column, const std::vector<size_t>& rows) {
   std::vector<T> out;
   out.reserve(rows.size());
@@ -324,7 +324,7 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
     drop_ends_of_holds(&run);
     for (size_t row : run.impossible.pauses) pauses[row] = 1;
   }
-  const std::vector<size_t> rows = rows_without(run.holds, log.size());
+  const std::vector<size_t> rows = rows_of_log(run, log.size());
   RunInput& in = run.input;
   in.log = place;
   in.dt_s = campaign.dt_s;

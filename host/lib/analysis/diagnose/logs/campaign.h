@@ -67,6 +67,8 @@ struct Campaign {
 
 // A moment of a run, in seconds as RunInput::t_s, by the clock of the log: what is told, and what a simulator is given.
 double time_in_log_s(const CampaignRun& run, double t_s);
+// The rows of its log that the rows of a run are; the log has n_rows.
+std::vector<size_t> rows_of_log(const CampaignRun& run, size_t n_rows);
 
 // The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
 // then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the

@@ -102,11 +102,11 @@ Dp2Comparison compare_dp2(const Campaign& seconds, const NoiseModel& nominal, co
     return square;
   };
   out.data_dph = dp2(before.residual, nominal, seconds.dt_s, out.tau_s);
-  const std::vector<double> left = dp2(after.residual, nominal, seconds.dt_s, out.tau_s);
+  out.left_dph = dp2(after.residual, nominal, seconds.dt_s, out.tau_s);
   out.nominal_dph = curve_of(nominal);
   out.final_dph = final == nominal ? out.nominal_dph : curve_of(final);
   out.before_dph = distance(out.data_dph, out.nominal_dph);
-  out.after_dph = distance(left, out.final_dph);
+  out.after_dph = distance(out.left_dph, out.final_dph);
   return out;
 }
 

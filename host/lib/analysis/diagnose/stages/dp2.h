@@ -10,8 +10,9 @@ namespace imucal {
 
 // Curves over tau, and how far those of the logs are from those of simulations (rms).
 struct Dp2Comparison {
-  std::vector<double> tau_s, data_dph, nominal_dph, final_dph;
-  double before_dph = 0, after_dph = 0; // of the model, of the answer
+  std::vector<double> tau_s, nominal_dph, final_dph;
+  std::vector<double> data_dph, left_dph; // of the logs: less the mean of the model, less that of the answer
+  double before_dph = 0, after_dph = 0;   // of the model, of the answer
 };
 
 // DP2 of the residuals of both models against simulations of both.

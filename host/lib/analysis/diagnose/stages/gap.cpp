@@ -324,6 +324,28 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
                              : 0;
 }
 
+UnitMinutes unit_minutes(const HeldOutUnit& unit, double dt_s) {
+  UnitMinutes out;
+  out.log = unit.run.input.log;
+  const long rows = rows_of_minute(dt_s), n = unit.left.size() / rows;
+  const RunInput& in = unit.run.input;
+  const auto mean_of = [&](const VectorXd& x) { // of each minute, about the mean of all rows
+    std::vector<double> means;
+    for (long m = 0; m < n; ++m) means.push_back(x.segment(m * rows, rows).mean() - x.mean());
+    return means;
+  };
+  out.before_dph = mean_of(unit.left + unit.change), out.after_dph = mean_of(unit.left);
+  for (long m = 0; m < n; ++m) {
+    double rate = 0;
+    for (long k = m * rows; k < (m + 1) * rows; ++k)
+      rate += in.rate_dph[static_cast<size_t>(unit.run.used[static_cast<size_t>(k)])] / static_cast<double>(rows);
+    const size_t middle = static_cast<size_t>(unit.run.used[static_cast<size_t>(m * rows + rows / 2)]);
+    out.rate_dph.push_back(rate), out.t_s.push_back(time_in_log_s(unit.run, in.t_s[middle]));
+    out.temp_degc.push_back(in.smooth_degc[middle]), out.slope_degc_min.push_back(in.rate_degc_min[middle]);
+  }
+  return out;
+}
+
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
                    GapResult* out) {
   if (!out->minutes.has_residual()) {
@@ -429,6 +451,7 @@ void set_figures(const Measurement& m, GapResult* out) {
   if (rms_less(plain) < kClearlyLess * rms_less(before))
     units = held_out_units(m.training, m.splits, plain, after, only_within);
   set_residuals(m.search, m.final, units, m.campaign.dt_s, &out->minutes);
+  for (const HeldOutUnit& unit : units) out->units.push_back(unit_minutes(unit, m.campaign.dt_s));
   if (leaves_chance)
     out->minutes.run_to_run_rms_dph =
         std::sqrt(std::max(0.0, std::pow(out->minutes.rms_after_dph, 2) - std::pow(rms_less(m.after), 2)));

@@ -58,10 +58,17 @@ struct Foretold {
   double gain() const { return delta_deviance / hours; } // deviance per hour
 };
 
+// What one held-out unit (a log, or a quarter of the only one) shows in minutes, as it is judged: about its own constant.
+struct UnitMinutes {
+  size_t log = 0; // place among the fitted, or the held-out logs
+  std::vector<double> t_s, temp_degc, slope_degc_min, rate_dph, before_dph, after_dph;
+};
+
 struct GapResult {
   HeldOut method = HeldOut::kEachLog;
   Foretold foretold;
   MinutesLeft minutes;
+  std::vector<UnitMinutes> units; // whose rms `minutes` holds
 
   // Something in the mean predicts other data; else the figures are of the deviance.  What differs from run to run by chance
   // predicts none: it is left in what remains.
