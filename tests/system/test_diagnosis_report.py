@@ -40,7 +40,7 @@ DIAGNOSIS = {
                       "std_errors": {"amplitude_dph": 0.9, "width_degc": 0.31}, "evidence_nats": 305.2,
                       "set": [{"name": "thermal_hysteresis", "evidence_nats": 305.2}, {"name": "thermal_lag", "evidence_nats": 303}]}],
          "not_detectable_here": [{"name": "rate_ramp", "smallest_detectable": {"ramp_dph_per_h": 11.0}}],
-         "indistinguishable": [["rate_ramp", "warm_up"]], "advice": ["Run the staircase."],
+         "indistinguishable": [["rate_ramp", "warm_up"]], "advice": ["Run the staircase.", "Four runs of the advised profile would show rate_ramp from ramp_dph_per_h 5."],
          "advised_profile": {"imucal_profile": 1, "start_degc": 0, "repeat": 1, "segments": [
              {"rate_degc_per_min": 0, "duration_s": 600}, {"rate_degc_per_min": 2, "to_degc": 60}]},
          "gap": {"before": 142.0, "after": 9.1, "shrinkage": 0.936, "ci95": [0.88, 0.98], "unit": "deviance per hour, held out",
@@ -49,7 +49,7 @@ DIAGNOSIS = {
          "plots": {
              "gap_map": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 3.5], [9, None], [1, -4]]},
              "gap_map_after": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 0.5], [1, None], [1, 0]]},
-             "residual": {"mean_s": 60, "temp_degc": [triangle(k) for k in range(240)], "t_s": [60 * k for k in range(240)],
+             "residual": {"mean_s": 60, "temp_degc": [triangle(k) for k in range(240)], "t_s": [60 * (k % 120) for k in range(240)],
                           "rate_degc_per_min": [1 if k % 120 < 60 else -1 for k in range(240)],
                           "log": [k // 120 for k in range(240)],
                           "rate_dph": [3 * triangle(k) + 100 * (k // 120) + (5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
@@ -80,6 +80,54 @@ def run(tmp_path, diagnosis, is_program=False):
     return done, out.read_text() if out.exists() else ""
 
 
+def figures_of(axis):
+    """The figures of an axis as matplotlib has them, those of the folds last."""
+    from imucal.diagnosis_words import Library
+    from imucal.plot import diagnosis as figures, record
+
+    drawn = []
+    modules = [figures, record]
+    kept = [module.svg_image for module in modules]
+    try:
+        for module in modules:
+            module.svg_image = lambda fig, alt: drawn.append(fig) or "an image"
+        figures.style()
+        library = Library(DIAGNOSIS, axis.get("unit", "dph"))
+        said = diagnosis_report.raw_figures(axis, library) + diagnosis_report.evidence_figures(axis)
+        assert not [f["caption"] for f in said if f["caption"].startswith("not drawn")]
+    finally:
+        for module, function in zip(modules, kept):
+            module.svg_image = function
+    return drawn
+
+
+def labels(ax):
+    return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+
+
+def with_record(axis, unit="dph"):
+    """The axis with its logs as they were recorded: an hour without rows in the first, clipped rows, two wild ones; one log held out."""
+    axis = copy.deepcopy(axis)
+    residual = axis["plots"]["residual"]
+    hole = [k for k in range(240) if not 30 <= k < 90]
+    for key in ("temp_degc", "t_s", "rate_degc_per_min", "log", "rate_dph", "polynomial_dph", "before_dph", "after_dph"):
+        residual[key] = [residual[key][k] for k in hole]
+    logs = []
+    for log in (0, 1):
+        own = [k for k in range(len(hole)) if residual["log"][k] == log]
+        logs.append({"log": log, "is_held_out": False, "every": 60, "t_s": [residual["t_s"][k] for k in own],
+                     "temp_degc": [residual["temp_degc"][k] for k in own], "rate_dph": [residual["rate_dph"][k] + 1 for k in own], "left_out": []})
+    logs[0]["left_out"] = [
+        {"why": "neighbour", "label": "within 10 s of those", "n": 7, "t_s": [1500], "temp_degc": [25], "rate_dph": [80]},
+        {"why": "saturation", "label": "readings clipped at a limit", "n": 2483, "t_s": [1510, 1511], "temp_degc": [25, 25], "rate_dph": [170, 170]},
+        {"why": "hit", "label": "single seconds out of all noise", "n": 2, "t_s": [60, 70], "temp_degc": [1, 1], "rate_dph": [20000.0, -9.0e5]}]
+    logs.append({"log": 0, "is_held_out": True, "every": 60, "t_s": [0, 60, 120], "temp_degc": [0, 1, 2], "rate_dph": [3, 5, 9], "left_out": []})
+    axis["plots"]["record"] = logs
+    axis["plots"]["held_out"] = {"mean_s": 64, "are_logs": True, "unit": [0, 0, 0], "log": [0, 0, 0], "t_s": [0, 60, 120], "temp_degc": [0, 1, 2],
+                                 "rate_degc_per_min": [1, 1, 1], "rate_dph": [3, 5, 9], "before_dph": [3, 2, 3], "after_dph": [1, 1, 0]}
+    return axis
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     done, text = run(tmp_path_factory.mktemp("page"), DIAGNOSIS, is_program=True)
@@ -90,7 +138,7 @@ def page(tmp_path_factory):
 def test_page_needs_nothing_from_outside(page):
     assert not re.search(r"""(src|href)=["'](?!data:image/svg|#)""", page)
     images = re.findall(r"data:image/svg\+xml;base64,([^\"]+)", page)
-    assert len(images) == 8  # four of the record, three of the evidence, the advised profile
+    assert len(images) == 6  # two of the record, three of the evidence, the advised profile
     assert all(b"<svg" in base64.b64decode(i) for i in images)
 
 
@@ -99,8 +147,8 @@ def test_page_needs_nothing_from_outside(page):
     "amplitude 19.8 ± 0.9 dph, width 5.2 ± 0.31 °C", "at averaging times of 512 to 4096 s, between 10 and 50 °C",
     "while the temperature rises", "cannot exclude thermal lag instead", "rate ramp and warm up", "Run the staircase.",
     "142 → 9.1", "each held out in turn", "Gap explained: thermal hysteresis: a loop over temperature.",
-    "one-minute means lie 26 dph rms off the polynomial", "noise alone would leave 18 dph, with what was found 18 dph remain",
-    "Rising and falling temperature differ by up to 10 dph", "stress of the package &lt;glue&gt; [a paper]",
+    "In the figures of the record one-minute means lie 6.12 dph rms off the polynomial, and 3.59 dph with what was found; rising and falling",
+    "one-minute means lie 26 dph rms off the polynomial, 18.3 dph with what was found; noise alone would leave 17.9 dph", "differ by up to 11 dph", "stress of the package &lt;glue&gt; [a paper]",
     "Command: diagnose --model model.json --log runs/a.csv", "imucal 3.2.1.", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
     "No gap found; 1 effect would stay unseen on these profiles."])
 def test_page_says_what_the_diagnosis_says(page, words):
@@ -117,7 +165,7 @@ def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
     diagnosis["axes"][0]["plots"]["candidates"] = [{"gain_nats": 3, "threshold_nats": 2}]
     done, text = run(tmp_path, diagnosis)
     assert done.returncode == 0
-    assert len(re.findall("data:image/svg", text)) == 6
+    assert len(re.findall("data:image/svg", text)) == 4
     assert "plots.candidates is not as documented" in text
 
 
@@ -129,10 +177,12 @@ def test_what_is_no_diagnosis_is_refused(tmp_path, text, words):
 
 
 def test_the_record_comes_before_its_likelihoods(page):
-    places = [page.index(w) for w in ("rate and temperature against time", "Rate against temperature", "The same less the polynomial",
-                                      "The same after what was found", "What to do next", "Likelihoods and tests")]
+    """Headline, pictures, then text."""
+    section = page[page.index("<section"):]
+    places = [section.index(w) for w in ("Gap explained: thermal", "rate and temperature against time", "Rate against temperature",
+                                         "What was found</h3>", "In the figures of the record", "What to do next", "Likelihoods and tests")]
     assert places == sorted(places)
-    assert page.rindex("<details>", 0, places[-1]) > places[-2]  # likelihoods are folded away
+    assert section.rindex("<details>", 0, places[-1]) > places[-2]  # likelihoods are folded away
 
 
 def test_logs_lie_on_one_curve_without_their_constants():
@@ -143,8 +193,8 @@ def test_logs_lie_on_one_curve_without_their_constants():
     record = diagnosis_figures.Record(DIAGNOSIS["axes"][0]["plots"]["residual"])
     free = record.rate_dph - record.offset_dph - record.before_dph
     assert np.ptp(free - 3 * record.temp_degc) < 1e-6
-    dph, degc = diagnosis_figures.loop_dph(DIAGNOSIS["axes"][0]["plots"]["residual"])
-    assert abs(dph - 10) < 3 and 0 <= degc <= 60
+    dph, degc, error_dph = diagnosis_figures.loop_dph(DIAGNOSIS["axes"][0]["plots"]["residual"])
+    assert abs(dph - 10) < 3 and 0 <= degc <= 60 and 0.2 < error_dph < 2
 
 
 def test_a_stand_in_is_not_called_an_explanation(tmp_path):
@@ -204,7 +254,7 @@ def test_a_noise_does_not_remain(tmp_path):
     text = run(tmp_path, diagnosis)[1]
     assert statement in text and "noise alone would leave" not in text and "with what was found 18 dph remain" not in text
     axis["gap"].update(has_mean=True)
-    assert "the noise, with the slow noise found, would leave 18 dph" in run(tmp_path, diagnosis)[1]
+    assert "the noise, with the slow noise found, would leave 17.9 dph" in run(tmp_path, diagnosis)[1]
 
 
 def test_without_temperatures_nothing_is_said_of_them(tmp_path):
@@ -215,8 +265,8 @@ def test_without_temperatures_nothing_is_said_of_them(tmp_path):
     axis["plots"].update(gap_map=None, gap_map_after=None)
     axis.update(advised_profile=None, advice=["No temperatures in the log."], where={**axis["where"], "direction": "any", "temp_degc": [0, 0]})
     text = run(tmp_path, diagnosis)[1].split("<section")[1]
-    assert "ne-minute means lie 26 dph rms off their mean" in text and "The record: rate against time" in text
-    assert "off the polynomial" not in text and "while the temperature rises" not in text and "Profile to run" not in text
+    assert "ne-minute means lie 6.12 dph rms off their mean" in text and "The record: rate against time" in text
+    assert "while the temperature rises" not in text and "advised profile</h3>" not in text and "Rate against temperature" not in text
     from imucal.plot import diagnosis as figures
     assert figures.Record(axis["plots"]["residual"]).believed_mean == "mean of each log"
 
@@ -225,8 +275,7 @@ def test_hits_left_out_of_means_are_counted(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     residual = diagnosis["axes"][0]["plots"]["residual"]
     assert "out of all noise" not in run(tmp_path, diagnosis)[1]
-    for n_hits, words in ((1, "Means over 60 s without 1 sample that stands out of all noise"),
-                          (4, "Means over 60 s without 4 samples that stand out of all noise")):
+    for n_hits, words in ((1, "Without 1 sample out of all noise"), (4, "Without 4 samples out of all noise")):
         residual["n_hits"] = n_hits
         assert words in run(tmp_path, diagnosis)[1]
 
@@ -246,14 +295,16 @@ def test_noise_is_not_drawn_as_a_cause(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     diagnosis["axes"][0]["effects"][0]["has_curve"] = False
     text = run(tmp_path, diagnosis)[1]
-    assert "The same after what was found" not in text and "drawn through it" not in text and len(re.findall("data:image/svg", text)) == 7
+    panels = figures_of(diagnosis["axes"][0])[1].axes
+    assert [ax.get_title(loc="left") for ax in panels] == ["as measured [dph]", "less the polynomial [dph]"]
+    assert all("with what was found" not in labels(ax) for ax in panels) and "with what was found; rising" not in text
 
 
 def test_one_log_says_what_is_free_in_its_quarters(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     diagnosis["axes"][0]["gap"]["method"] = "quarters of the one log held out in turn"
     text = run(tmp_path, diagnosis)[1]
-    assert "off the polynomial in quarters of the one log, each predicted from the others but for its own constant; noise alone" in text
+    assert "On data not used in the fit (quarters of the one log, each predicted from the others but for its own constant) one-minute means" in text
 
 
 def test_logs_are_counted_from_one_for_people(tmp_path):
@@ -264,34 +315,26 @@ def test_logs_are_counted_from_one_for_people(tmp_path):
                         "std_errors": {"steps": [{"amplitude_dph": 62}, {"amplitude_dph": None}]}}]
     axis["where"].update(by_log=[{"log": 0, "z": 1.5}, {"log": 1, "z": 2.5}], logs=[0, 1])
     text = run(tmp_path, diagnosis)[1]
-    assert "amplitude 428 ± 62 dph at 93024 s of log 2; amplitude -12 dph at 1020 s of log 1" in text
+    assert "amplitude 428 ± 62 dph at 93024 s (25.84 h) of log 2; amplitude -12 dph at 1020 s (0.28 h) of log 1" in text
     assert "<td>1</td><td>1.5</td>" in text and "<td>2</td><td>2.5</td>" in text and "in every log" in text
     assert "<td>runs/a.csv</td><td>log 1, fitted</td>" in text
     diagnosis["logs"] = diagnosis["logs"][:1]
     axis["where"].update(logs=[0])
     axis["effects"][0]["parameters"]["steps"] = axis["effects"][0]["parameters"]["steps"][1:]
     text = run(tmp_path, diagnosis)[1]
-    assert "in every log" not in text and "amplitude -12 ± 62 dph at 1020 s</td>" in text
+    assert "in every log" not in text and "amplitude -12 ± 62 dph at 1020 s (0.28 h)</td>" in text
 
 
 def test_legends_do_not_lie_over_points():
-    import numpy as np
-    from imucal.plot import diagnosis as figures
-
-    data = DIAGNOSIS["axes"][0]["plots"]["residual"]
-    drawn = []
-    kept, figures.svg_image = figures.svg_image, lambda fig, alt: drawn.append(fig)
-    try:
-        figures.style()
-        figures.draw_record(data), figures.draw_against_temperature(data, "before"), figures.draw_dp2(DIAGNOSIS["axes"][0]["plots"]["dp2"])
-    finally:
-        figures.svg_image = kept
+    drawn = figures_of(with_record(DIAGNOSIS["axes"][0]))
+    assert len(drawn) == 6
     for fig in drawn:
         fig.draw_without_rendering()
-        for ax in fig.axes:
-            if ax.get_legend():
-                assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 2
-                assert ax.get_legend().get_window_extent().x0 >= fig.bbox.x0 and np.isfinite(ax.get_legend().get_window_extent().x1)
+        top = max(ax.get_window_extent().y1 for ax in fig.axes)
+        legends = [*fig.legends, *(ax.get_legend() for ax in fig.axes if ax.get_legend())]
+        for legend in legends:
+            assert legend.get_window_extent().y0 >= top - 2 and legend.get_window_extent().x0 >= fig.bbox.x0
+    assert drawn[0].legends and drawn[1].legends
 
 
 def test_folds_are_open_on_paper(page, tmp_path):
@@ -315,13 +358,19 @@ def test_a_shrinkage_without_a_figure_says_why(tmp_path):
     text = run(tmp_path, diagnosis)[1]
     assert "On data that were not fitted: no figure: noise hides how far the gap shrinks." in text
     diagnosis["axes"][0]["gap"].update(statement="", remainder="jumps at single moments foretell no other data")
-    assert "<p>Remainder: jumps at single moments foretell no other data.</p>" in run(tmp_path, diagnosis)[1]
+    assert "<p>What is left: jumps at single moments foretell no other data.</p>" in run(tmp_path, diagnosis)[1]
 
 
 def test_hash_of_a_log_beside_the_diagnosis(tmp_path):
-    (tmp_path / "a.csv").write_bytes(b"# device: unit <7>\nt_s\n")
+    content = b"# imucal-log = 1\n# device = unit <7>  serial = 12  run = up-2\nt_s,temp_degc,gx_dph\n1,20,3\n"
+    (tmp_path / "a.csv").write_bytes(content)
     text = run(tmp_path, DIAGNOSIS)[1]
-    assert hashlib.sha256(b"# device: unit <7>\nt_s\n").hexdigest()[:16] in text and "unit &lt;7&gt;" in text
+    assert hashlib.sha256(content).hexdigest()[:16] in text and "<td>unit &lt;7&gt;, serial 12; run up-2</td>" in text
+    assert "<h1>What the error model leaves out: unit &lt;7&gt;, serial 12</h1>" in text
+    assert re.search(r'class="sub">a.csv, &lt;b&gt;.csv · diagnosed \d{4}-\d\d-\d\d \d\d:\d\d UTC<br>2 logs fitted', text)
+    (tmp_path / "a.csv").unlink()
+    assert "a device that its logs do not name</h1>" in run(tmp_path, DIAGNOSIS)[1]
+    assert "<h1>What plain noise does not explain: " in run(tmp_path, {**DIAGNOSIS, "model": None})[1]
 
 
 def test_branches_are_the_means_by_direction():
@@ -371,3 +420,211 @@ def test_what_the_advice_says_is_not_said_again(tmp_path):
     done, text = run(tmp_path, diagnosis)
     assert done.returncode == 0 and "Cannot be told apart" not in text and text.count("rate ramp and warm up") == 1
     assert "Gap explained: thermal hysteresis: a loop over temperature</span>" in text
+
+
+def test_the_record_shows_rows_as_logged_and_what_was_left_out():
+    """Rows behind their means, marks for what was left out, an arrow for what is far off, no line over an hour without rows."""
+    import numpy as np
+    axis = with_record(DIAGNOSIS["axes"][0])
+    top, below = figures_of(axis)[0].axes
+    seen = labels(top)
+    rows = seen["rows as logged, one of 60"]
+    assert len(rows.get_xdata()) == 60 and rows.get_zorder() < seen["means, temperature rising"].get_zorder()
+    clipped = seen["left out, 2483: readings clipped at a limit"]
+    assert clipped.get_marker() == "x" and list(clipped.get_ydata()) == [170, 170]
+    assert "left out, 7: within 10 s of those" in seen and "left out, 2: single seconds out of all noise" in seen
+    assert top.get_ylim()[1] < 600, "two wild seconds flatten the picture"
+    arrows = [line for line in top.get_lines() if line.get_marker() in ("^", "v")]
+    assert sorted(line.get_ydata()[0] for line in arrows) == sorted(top.get_ylim())
+    assert {"1 beyond, to 20000 dph", "1 beyond, to -900000 dph"} <= {text.get_text() for text in top.texts}
+    line = seen["polynomial"]
+    hole = np.flatnonzero(~np.isfinite(line.get_ydata()))
+    assert len(hole) == 1 and np.diff(line.get_xdata()[[hole[0] - 1, hole[0] + 1]]) > 1 - 0.02, "a line is drawn over the hour without rows"
+    assert np.isnan(below.get_lines()[0].get_ydata()).any(), "the temperature is drawn over the hour without rows"
+    caption = diagnosis_report.raw_figures(axis, diagnosis_report.Library(DIAGNOSIS))[0]["caption"]
+    assert "Left out: 2483 (readings clipped at a limit), 2 (single seconds out of all noise), 7 (within 10 s of those)." in caption
+
+
+def test_held_out_logs_are_drawn_where_they_are_judged():
+    axis = with_record(DIAGNOSIS["axes"][0])
+    record, _, held = figures_of(axis)[:3]
+    assert [text.get_text() for text in record.axes[0].texts if "log" in text.get_text()] == ["log 1", "log 2", "held-out log 1"]
+    shades = [patch for patch in record.axes[0].patches]
+    assert len(shades) == 1 and shades[0].get_x() > record.axes[0].get_lines()[0].get_xdata().max()
+    lines = [line for line in record.axes[0].get_lines() if line.get_linestyle() == "-" and len(line.get_ydata()) == 3]
+    assert list(lines[0].get_ydata()) == [2, 4, 9], "what is foretold of the held-out log is its rate less what is left"
+    seen = labels(held.axes[0])
+    assert list(seen["less the polynomial"].get_ydata()) == [3, 2, 3] and list(seen["less what was found too"].get_ydata()) == [1, 1, 0]
+    axis["plots"]["held_out"].update(are_logs=False, unit=[0, 1, 2], log=[0, 0, 0])
+    assert [text.get_text() for text in figures_of(axis)[2].axes[0].texts] == ["quarter 1", "quarter 2", "quarter 3"]
+
+
+def test_an_axis_without_an_answer_shows_its_record():
+    axis = {**copy.deepcopy(DIAGNOSIS["axes"][1]), "verdict": "unexplained", "refused": "it is stuck",
+            "plots": {"record": with_record(DIAGNOSIS["axes"][0])["plots"]["record"]}}
+    drawn = figures_of(axis)
+    assert len(drawn) == 1 and "rows as logged, one of 60" in labels(drawn[0].axes[0])
+
+
+def test_figures_of_an_accelerometer_are_in_its_unit(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = with_record(diagnosis["axes"][0])
+    axis.update(axis="ax_mg", unit="mg", advice=["These logs would not show rate_ramp below ramp_mg_per_h 0.68."])
+    axis["not_detectable_here"] = [{"name": "noise", "smallest_detectable": {"arw_deg_rt_h": 0.002}}]
+    diagnosis["library"]["effects"].append({"name": "noise", "parameters": [{"name": "arw_deg_rt_h", "unit": "deg/sqrt(h)"}]})
+    axis["gap"]["unit"] = "mg^2"
+    diagnosis["axes"] = [axis]
+    text = run(tmp_path, diagnosis)[1]
+    words = re.sub(r'src="data:[^"]*"', "", text)
+    assert "dph" not in words and "°/√h" not in words
+    for said in ("amplitude 19.8 ± 0.9 mg", "mg rms off the polynomial, and", "ramp below ramp 0.68 mg/h", "arw 0.12 mg/√Hz", "specific force", "mg²"):
+        assert said in words, said
+    for fig in figures_of(axis):
+        for ax in fig.axes:
+            assert "dph" not in ax.get_xlabel() + ax.get_ylabel() + ax.get_title(loc="left") + "".join(t.get_text() for t in ax.texts)
+
+
+def test_dp2_shows_the_logs_that_the_distance_is_of():
+    """Before: the logs as they are against the believed model; after: less what was found, against the answer."""
+    import numpy as np
+    axis = copy.deepcopy(DIAGNOSIS["axes"][0])
+    axis["plots"]["dp2"].update(data_dph=[30, 25, 47], data_after_dph=[30, 20.5, 14])
+    seen = labels(figures_of(axis)[3].axes[0])
+    assert set(seen) == {"believed model", "with what was found", "logs, what was found still in", "logs without it"}
+    assert list(seen["logs without it"].get_ydata()) == [30, 20.5, 14]
+    axis["plots"]["dp2"]["model_after_dph"] = axis["plots"]["dp2"]["model_before_dph"]
+    drawn = figures_of(axis)[3]
+    assert set(labels(drawn.axes[0])) == {"both models", "logs, what was found still in", "logs without it"}
+    drawn.draw_without_rendering()
+    shown = [t for t in drawn.axes[0].yaxis.get_major_ticks() if np.prod([*drawn.axes[0].get_ylim() - np.array(t.get_loc())]) < 0]
+    assert len(shown) >= 2
+    axis["effects"] = []
+    assert set(labels(figures_of(axis)[3].axes[0])) == {"believed model", "logs"}
+
+
+def test_cells_without_data_are_hatched():
+    axis = copy.deepcopy(DIAGNOSIS["axes"][0])
+    drawn = figures_of(axis)[2]
+    hatched = [patch for patch in drawn.axes[0].patches if patch.get_hatch()]
+    assert [(patch.get_x(), patch.get_y()) for patch in hatched] == [(1, 1)]
+    captions = [f["caption"] for f in diagnosis_report.evidence_figures(axis)]
+    assert captions[0].endswith("Hatched: no data.")
+    for key in ("gap_map", "gap_map_after"):
+        axis["plots"][key]["z"][1][1] = 0.0
+    assert not [f["caption"] for f in diagnosis_report.evidence_figures(axis) if "no data" in f["caption"]]
+
+
+def test_captions_are_true_of_the_case():
+    """A memory is spoken of where branches part by more than their scatter; what was found is named; no profile where none helps."""
+    library = diagnosis_report.Library(DIAGNOSIS)
+    axis = copy.deepcopy(DIAGNOSIS["axes"][0])
+
+    def caption():
+        return diagnosis_report.raw_figures(axis, library)[1]["caption"]
+    assert "The branches part; what was found: thermal hysteresis: a loop over temperature." in caption()
+    axis["effects"] = []
+    assert "a memory of the temperature's past, a jump, slow noise or a warm-up can do that" in caption()
+    axis["plots"]["residual"]["before_dph"] = [(37 * k) % 31 - 15 for k in range(240)]
+    assert "no more than their scatter" in caption() and "memory" not in caption()
+    assert "differ by up to" not in diagnosis_report.picture_sentence(axis, diagnosis_report.loop_of(axis))
+    assert diagnosis_report.advised_profile(axis)
+    axis["effects"] = [{"name": "saturation", "family": "structural"}]
+    assert not diagnosis_report.advised_profile(axis)
+    axis.update(effects=[], advice=["One log only."])
+    assert not diagnosis_report.advised_profile(axis)
+    axis["effects"] = [{"name": "slow_noise", "evidence_nats": 0.0}]
+    assert diagnosis_report.findings_title(axis) == "What it may be"
+
+
+def test_sentences_give_the_sizes_of_their_pictures(tmp_path):
+    import numpy as np
+    axis = DIAGNOSIS["axes"][0]
+    said = diagnosis_report.picture_sentence(axis, None)
+    rms = [np.sqrt(np.mean(np.square(axis["plots"]["residual"][key]))) for key in ("before_dph", "after_dph")]
+    assert f"lie {rms[0]:.3g} dph rms off the polynomial, and {rms[1]:.3g} dph with what was found" in said
+    axis = copy.deepcopy(axis)
+    axis["gap"]["residual_rms_dph"].update(before=466, after=208, noise=64, errors_of_fit=690)
+    said = diagnosis_report.held_out_sentence(axis)
+    assert "errors of the fit 690 dph" in said and "these data cannot judge how much of it is the answer's" in said
+    axis["gap"]["residual_rms_dph"]["errors_of_fit"] = 100
+    assert "cannot judge" not in diagnosis_report.held_out_sentence(axis)
+
+
+def test_panels_against_temperature_have_one_scale_and_labels_have_room():
+    axis = with_record(DIAGNOSIS["axes"][0])
+    record, panels = figures_of(axis)[:2]
+    assert len(panels.axes) == 3 and panels.axes[1].get_ylim() == panels.axes[2].get_ylim()
+    panels.draw_without_rendering(), record.draw_without_rendering()
+    boxes = [ax.get_window_extent() for ax in panels.axes]
+    assert max(box.y0 for box in boxes) - min(box.y0 for box in boxes) < 1
+    for ax in record.axes:
+        label, box = ax.yaxis.label.get_window_extent(), ax.get_window_extent()
+        assert label.y0 >= box.y0 - 3 and label.y1 <= box.y1 + 3, ax.get_ylabel()
+    assert len(record.axes[1].get_yticks()) >= 3 and record.axes[1].get_ylabel() == "temp. [°C]"
+
+
+@pytest.mark.parametrize("span_s, unit", [(150, "s"), (5000, "min"), (9000, "h")])
+def test_time_has_the_unit_of_its_length(span_s, unit):
+    rows = {"log": 0, "is_held_out": False, "every": 1, "t_s": [0, span_s / 2, span_s], "temp_degc": [None] * 3, "rate_dph": [1, 2, 3], "left_out": []}
+    drawn = figures_of({"axis": "gx_dph", "verdict": "no_gap", "plots": {"record": [rows]}})
+    assert drawn[0].axes[0].get_xlabel() == f"time [{unit}]"
+
+
+def test_a_jump_is_drawn_against_time_alone():
+    axis = copy.deepcopy(DIAGNOSIS["axes"][0])
+    assert "with what was found" in labels(figures_of(axis)[1].axes[1])
+    axis["effects"] = [{"name": "bias_step", "family": "function_of_time", "parameters": {"steps": [{"log": 0, "t_s": 90, "amplitude_dph": 9}]}}]
+    drawn = figures_of(axis)
+    assert "with what was found" in labels(drawn[0].axes[0]) and "with what was found" not in labels(drawn[1].axes[1])
+
+
+def test_the_polynomial_against_temperature_is_a_curve_on_a_grid():
+    """No zigzag between means, and none where no temperature was."""
+    import numpy as np
+    axis = copy.deepcopy(DIAGNOSIS["axes"][0])
+    line = labels(figures_of(axis)[1].axes[0])["polynomial"]
+    x, y = line.get_xdata(), line.get_ydata()
+    assert np.all(np.diff(x) > 0) and np.ptp(y - 3 * x) < 1e-6
+    residual = axis["plots"]["residual"]
+    kept = [k for k in range(240) if not 20 <= residual["temp_degc"][k] < 40]
+    for key in ("temp_degc", "t_s", "rate_degc_per_min", "log", "rate_dph", "polynomial_dph", "before_dph", "after_dph"):
+        residual[key] = [residual[key][k] for k in kept]
+    line = labels(figures_of(axis)[1].axes[0])["polynomial"]
+    missing = line.get_xdata()[np.isnan(line.get_ydata())]
+    assert missing.min() > 19 and missing.max() < 40.1 and len(missing) > 50
+
+
+def test_candidates_show_what_was_named_and_leave_out_what_gains_nothing():
+    from imucal.plot.diagnosis import candidate_rows
+
+    candidates = [{"name": "thermal_anomaly", "gain_nats": 9.7, "threshold_nats": 7}, {"name": "thermal_anomaly", "gain_nats": 17.4, "threshold_nats": 7},
+                  {"name": "thermal_lag", "gain_nats": 0, "threshold_nats": 7}, {"name": "warm_up", "gain_nats": 0.1, "threshold_nats": 7}]
+    rows, n_others = candidate_rows(candidates, (), ["bias_step"])
+    assert [row["label"] for row in rows[::-1]] == ["bias step", "thermal anomaly (any shape)", "thermal anomaly"] and n_others == 2
+    assert rows[-1]["named"] and rows[-1]["elsewhere"]
+    rows, _ = candidate_rows(candidates, (), ["thermal_anomaly"])
+    assert [(row["label"], row["named"]) for row in rows[::-1]] == [("thermal anomaly (any shape)", True), ("thermal anomaly", False)]
+
+
+def test_signs_and_units_are_those_of_a_page(tmp_path):
+    from imucal.diagnosis_words import hours, typeset, with_hours
+
+    assert typeset("1.42 +- 0.05 at -17.6 degC: 40.6 dph per degC/min, 3 -> 2") == "1.42 ± 0.05 at -17.6 °C: 40.6 dph per °C/min, 3 → 2"
+    assert typeset("run_degC.csv, column temp_degc") == "run_degC.csv, column temp_degc"
+    assert hours(4000.5) == "4000 s (1.11 h)" and hours(59.7) == "60 s"
+    assert with_hours("at averaging times of 32 to 8192 s, from 3601 to 9601 s") == "at averaging times of 32 to 8192 s, from 3601 to 9601 s (1.00 to 2.67 h)"
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    diagnosis.update(warnings=["goes 2 degC above"], logs=["a_10 degC.csv"])
+    axis = diagnosis["axes"][0]
+    axis["effects"][0].update(in_words="1.42 +- 0.05 times at 5 degC", parameters={"slope": 3}, std_errors={})
+    axis["advice"] = ["Record the temperature (column temp_degc); a negative width_degc is none."]
+    diagnosis["library"]["effects"].append({"name": "thermal_step", "parameters": [{"name": "temp_degc", "unit": "degC"}]})
+    text = run(tmp_path, diagnosis)[1]
+    assert "goes 2 °C above" in text and "1.42 ± 0.05 times at 5 °C" in text and "a_10 degC.csv" in text
+    assert "(column temp_degc); a negative width is none." in text
+
+
+def test_tables_of_folds_name_quantities_and_units(page):
+    for words in ("<th>averaging time [s]</th>", "<th>excess [standard errors]</th>", "What tests that assume no cause saw", "<th>after what was found</th>"):
+        assert words in page, words
+    assert "<th>z</th>" not in page and "<th>tau s</th>" not in page

@@ -63,6 +63,17 @@ def _metadata(line, into):
             into[key.strip()] = value.strip()
 
 
+def metadata_of(path):
+    """What the `#` lines at the head of a log say: 'key = value' pairs."""
+    out = {}
+    with plain_file(path) as source, open(source.path, encoding="utf-8-sig", errors="replace") as f:
+        for line in f:
+            if line.strip() and not line.startswith("#"):
+                break
+            _metadata(line, out)
+    return out
+
+
 def _number(text, path, line, column):
     text = text.strip()
     if not text:

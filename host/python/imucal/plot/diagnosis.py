@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Figures of a diagnosis, as inline SVG: the record itself first, then what was made of it.
+"""Figures of a diagnosis, as inline SVG: what was made of the record (`imucal.plot.record` draws the record itself).
 
 Every function takes members of `plots` of one axis (host/formats.md, Diagnosis) and returns an <img> element.
 """
@@ -14,15 +14,17 @@ import numpy as np
 
 from . import subplots
 from ..diagnosis_words import number, plain
-from ..direction import FALLING, RESTING, RISING, directions
-from .marks import DIRECTIONS, GRID, INK, MUTED
 
 import matplotlib.ticker  # isort: skip  (after imucal.plot, which loads it without what no page needs)
 from matplotlib.colors import BoundaryNorm, ListedColormap  # isort: skip
+from matplotlib.patches import Rectangle  # isort: skip
 
+INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
 DATA, BEFORE, AFTER = "#1d2733", "#d1662a", "#2b6cb0"
-MOVES = {"soak": RESTING, "down": FALLING, "up": RISING}
-MANY_POINTS = 600  # of one record: more are drawn as pixels
+DIRECTION = {"up": "#c8502d", "down": "#2b6cb0", "soak": "#8a949e"}
+DIRECTION_WORD = {"up": "rising", "down": "falling", "soak": "resting"}
+RESTING_DEGC_MIN = 0.1  # slower than this the temperature rests
+BRANCH_ORDER = 3  # of the curve about which a branch scatters
 SMOOTHEST_ORDER = 5  # of the curve that stands for the polynomial of the answer, whatever its own order
 
 
@@ -33,11 +35,6 @@ def style():
         "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.6, "axes.axisbelow": True,
         "axes.spines.top": False, "axes.spines.right": False, "xtick.color": MUTED, "ytick.color": MUTED,
         "legend.frameon": False, "legend.fontsize": 8, "svg.fonttype": "path", "figure.dpi": 100})
-
-
-def dense(record):
-    """Options of the points of long records: thousands of them as curves would make a page of many megabytes."""
-    return {"rasterized": record.t_s.size > MANY_POINTS}
 
 
 def legend_above(ax, columns, above=1.0):
@@ -59,15 +56,6 @@ def array(values):
                      for row in values], float)
 
 
-def directions_of(data):
-    """{"soak", "down", "up": mask} of the means of all logs, each log by itself."""
-    t_s, temp, log = array(data["t_s"]), array(data["temp_degc"]), array(data["log"])
-    moves = np.zeros(log.size, int)
-    for k in np.unique(log):
-        moves[log == k] = directions(t_s[log == k], temp[log == k])
-    return {name: moves == value for name, value in MOVES.items()}
-
-
 def draw_gap_map(plots):
     """Excess variance of the standardised residual by averaging time and temperature, before and after."""
     before = plots["gap_map"]
@@ -83,8 +71,11 @@ def draw_gap_map(plots):
                              layout="constrained")
     mesh = None
     for ax, (title, z) in zip(axes[0], panels):
+        ax.set_facecolor("#ffffff")
         mesh = ax.pcolormesh(np.arange(len(tau) + 1), np.arange(len(temp) + 1), z, cmap=cmap,
                              norm=BoundaryNorm(levels, len(colors)), edgecolors="white", linewidth=0.8)
+        for i, j in zip(*np.where(np.isnan(z))):  # nothing was measured there
+            ax.add_patch(Rectangle((j, i), 1, 1, facecolor="#ffffff", edgecolor="#aab2bb", hatch="////", linewidth=0))
         for i, j in zip(*np.where(np.abs(z) >= 3)):
             ax.text(j + 0.5, i + 0.5, f"{z[i, j]:.0f}", ha="center", va="center", fontsize=6.5,
                     color="white" if abs(z[i, j]) >= 5 else INK)
@@ -102,20 +93,31 @@ def draw_gap_map(plots):
     return svg_image(fig, "Gap by averaging time and temperature, before and after")
 
 
+def direction_masks(slope_degc_min):
+    """Which means are of a rising, a falling and a resting temperature."""
+    slope = np.asarray(slope_degc_min, float)
+    still = np.abs(slope) < RESTING_DEGC_MIN
+    return {"soak": still, "up": ~still & (slope > 0), "down": ~still & (slope < 0)}
+
+
 def branches(data, key, n_bins=14):
     """Means of a residual by temperature and direction: {direction: (temp, mean, standard error)}.
 
     The standard error allows for the correlation of neighbouring means: sqrt((1 + rho)/(1 - rho)).
     """
-    temp, y, log = (array(data[k]) for k in ("temp_degc", key, "log"))
+    temp, rate, y, log = (array(data[k]) for k in ("temp_degc", "rate_degc_per_min", key, "log"))
     rest = y - y.mean()
+    for chosen in direction_masks(rate).values():  # what the branches themselves are is no scatter
+        if chosen.sum() >= 4 * BRANCH_ORDER:
+            x = (temp[chosen] - temp[chosen].mean()) / max(np.ptp(temp[chosen]), 1e-9)
+            rest[chosen] = y[chosen] - np.polyval(np.polyfit(x, y[chosen], BRANCH_ORDER if np.ptp(temp[chosen]) > 0 else 0), x)
     same = log[1:] == log[:-1]
     rho = np.clip(np.sum(rest[1:] * rest[:-1] * same) / max(np.sum(rest**2), 1e-12), 0, 0.95)
     inflation = math.sqrt((1 + rho) / (1 - rho))
     edges = np.linspace(np.min(temp), np.max(temp), n_bins + 1)
     which = np.clip(np.digitize(temp, edges) - 1, 0, n_bins - 1)
     out = {}
-    for name, chosen in directions_of(data).items():
+    for name, chosen in direction_masks(rate).items():
         points = []
         for k in range(n_bins):
             v = y[chosen & (which == k)]
@@ -136,11 +138,11 @@ class Record:
         self.log, self.t_s, self.rate_dph = array(data["log"]), array(data["t_s"]), array(data["rate_dph"])
         self.before_dph, self.after_dph = array(data["before_dph"]), array(data["after_dph"])
         self.polynomial_dph = array(data["polynomial_dph"])
-        self.temp_degc = array(data["temp_degc"])
+        self.temp_degc, self.slope_degc_min = array(data["temp_degc"]), array(data["rate_degc_per_min"])
         self.has_temperature = bool(np.isfinite(self.temp_degc).any())
         self.logs = list(dict.fromkeys(self.log.tolist()))
         self.believed_mean = "polynomial" if self.has_temperature else "mean of the log" if len(self.logs) == 1 else "mean of each log"
-        self.chosen = directions_of(data)
+        self.chosen = direction_masks(self.slope_degc_min)
         self.cause_dph = self.before_dph - self.after_dph
         self._split()
 
@@ -148,92 +150,37 @@ class Record:
         """Polynomial and constants: least squares of a smooth curve and one constant for each log."""
         columns = [self.log == k for k in self.logs]
         span = np.ptp(self.temp_degc) if self.has_temperature else 0
-        if span > 0:
-            x = 2 * (self.temp_degc - self.temp_degc.min()) / span - 1
-            columns += [x**k - np.mean(x**k) for k in range(1, SMOOTHEST_ORDER + 1)]
-        design = np.array(columns, float).T
+        powers = [(2 * (self.temp_degc - self.temp_degc.min()) / span - 1)**k for k in range(1, SMOOTHEST_ORDER + 1)] if span > 0 else []
+        self._middle = [np.mean(x) for x in powers]
+        design = np.array(columns + [x - m for x, m in zip(powers, self._middle)], float).T
         beta = np.linalg.lstsq(design, self.polynomial_dph, rcond=None)[0]
         n = len(self.logs)
-        self.offset_dph = design[:, :n] @ beta[:n] - beta[:n].mean()
+        self._beta = beta[n:]
+        self._level = beta[:n].mean()
+        self.offset_dph = design[:, :n] @ beta[:n] - self._level
         self.curve_dph = self.polynomial_dph - self.offset_dph
 
+    def curve_on_grid(self, n=240):
+        """(temperatures, polynomial there); NaN where a tenth of the range and more was not passed."""
+        lo, span = self.temp_degc.min(), np.ptp(self.temp_degc)
+        grid = np.linspace(lo, lo + span, n)
+        x = 2 * (grid - lo) / max(span, 1e-9) - 1
+        curve = self._level + sum((b * (x**(k + 1) - m) for k, (b, m) in enumerate(zip(self._beta, self._middle))), np.zeros(n))
+        passed = np.sort(self.temp_degc)
+        after = np.clip(np.searchsorted(passed, grid), 1, passed.size - 1) if passed.size > 1 else np.zeros(n, int)
+        hole = passed[after] - passed[after - 1] > 0.1 * span if passed.size > 1 else np.zeros(n, bool)
+        return grid, np.where(hole, np.nan, curve)
 
-def placed(record):
-    """Hours with the logs one after the other, a little apart, and where each begins."""
-    hours, begin, now = np.empty(record.t_s.size), [], 0.0
-    for k in record.logs:
-        own = record.log == k
-        t = record.t_s[own] / 3600
-        begin.append(now)
-        hours[own] = t - t[0] + now
-        now += (t[-1] - t[0]) * 1.03 + 0.02
-    return hours, begin
-
-
-def draw_record(data):
-    """(a) Rate and temperature against time."""
-    r = Record(data)
-    hours, begin = placed(r)
-    rows = 2 if r.has_temperature else 1
-    fig, axes = subplots(rows, 1, size=(9.6, 2.6 + 1.2 * (rows - 1)), sharex=True, squeeze=False, layout="constrained",
-                             height_ratios=[2.2, 1][:rows])
-    top = axes[0][0]
-    for name, chosen in r.chosen.items():
-        if chosen.any():
-            plain_dot = {"marker": ".", "ls": "none", "ms": 3.2, "color": DATA}
-            how = DIRECTIONS[MOVES[name]].style(3) if r.has_temperature else plain_dot
-            top.plot(hours[chosen], r.rate_dph[chosen], **how, **dense(r))
-    for i, k in enumerate(r.logs):
-        own = r.log == k
-        top.plot(hours[own], r.polynomial_dph[own], color=INK, linewidth=0.9, linestyle="--", label=r.believed_mean if i == 0 else None)
-        if np.any(np.abs(r.cause_dph) > 0):
-            top.plot(hours[own], (r.polynomial_dph + r.cause_dph)[own], color=INK, linewidth=1.1, label="with the cause" if i == 0 else None)
-        if len(r.logs) > 1:
-            top.text(begin[i], 1.0, f"log {k + 1:.0f}", transform=top.get_xaxis_transform(), fontsize=7.5, color=MUTED, va="bottom")
-    top.set_ylabel("rate [dph]")
-    legend_above(top, 2, 1.06 if len(r.logs) > 1 else 1.0)
-    if rows == 2:
-        for name, chosen in r.chosen.items():
-            axes[1][0].plot(hours[chosen], r.temp_degc[chosen], **DIRECTIONS[MOVES[name]].style(2.4), **dense(r))
-        axes[1][0].set_ylabel("temperature [°C]")
-    axes[-1][0].set_xlabel("time [h]" + (", logs one after the other" if len(r.logs) > 1 else ""))
-    return svg_image(fig, "Rate and temperature against time, one-minute means coloured by the direction of the temperature"
-                     if r.has_temperature else "Rate against time, one-minute means")
+    def cause_against_temperature(self):
+        """What was found, in the order of time: a line that does not go from log to log."""
+        cut = np.flatnonzero(np.diff(self.log) != 0) + 1
+        return np.insert(self.temp_degc, cut, np.nan), np.insert(self.cause_dph, cut, np.nan)
 
 
-def paths(x, y, groups):
-    """x, y with NaN where the group changes: one line that does not jump from log to log."""
-    cut = np.flatnonzero(np.diff(groups) != 0) + 1
-    return np.insert(x.astype(float), cut, np.nan), np.insert(y.astype(float), cut, np.nan)
-
-
-def draw_against_temperature(data, what):
-    """(b), (c) against temperature, coloured by direction.  what: raw, before, after."""
-    r = Record(data)
-    y = {"raw": r.rate_dph - r.offset_dph, "before": r.before_dph, "after": r.after_dph}[what]
-    base = r.curve_dph if what == "raw" else np.zeros(y.size)
-    fig, ax = subplots(size=(4.2, 3.2), layout="constrained")
-    for name, chosen in r.chosen.items():
-        if chosen.any():
-            mark = DIRECTIONS[MOVES[name]]
-            ax.plot(r.temp_degc[chosen], y[chosen], label=mark.word, **mark.style(3), **dense(r))
-    order = np.argsort(r.temp_degc)
-    ax.plot(r.temp_degc[order], base[order], color=INK, linewidth=1.1, linestyle="--", label="polynomial")
-    if what != "after" and np.any(np.abs(r.cause_dph) > 0):
-        ax.plot(*paths(r.temp_degc, base + r.cause_dph, r.log), color=INK, linewidth=1.1, label="with the cause")
-    if what != "raw":  # one scale for both
-        limit = 1.08 * max(np.max(np.abs(r.before_dph)), np.max(np.abs(r.after_dph)), 1e-9)
-        ax.set_ylim(-limit, limit)
-    ax.set(xlabel="temperature [°C]", ylabel="rate [dph]" if what == "raw" else "rate less polynomial [dph]" if what == "before"
-           else "rate less polynomial and cause [dph]")
-    legend_above(ax, 3)
-    return svg_image(fig, f"Rate against temperature by direction: {what}")
-
-
-def loop_dph(data, n_bins=10):
-    """Largest distance of the rising from the falling branch of what was measured, with the temperature where it is:
-    (dph, degC), or None where no temperature was passed in both directions."""
-    branch = branches(data, "before_dph", n_bins)
+def loop_dph(data):
+    """Largest distance of the rising from the falling branch of what was measured, with the temperature where it is, and the standard
+    error of that distance: (dph, degC, dph), or None where no temperature was passed in both directions."""
+    branch = branches(data, "before_dph", n_bins=int(np.clip(len(data["log"]) // 12, 3, 10)))
     if not {"up", "down"} <= set(branch):
         return None
     up, down = branch["up"], branch["down"]
@@ -242,55 +189,81 @@ def loop_dph(data, n_bins=10):
         return None
     at = np.linspace(lo, hi, 50)
     apart = np.interp(at, up[0], up[1]) - np.interp(at, down[0], down[1])
+    error = np.hypot(np.interp(at, up[0], up[2]), np.interp(at, down[0], down[2]))
     k = int(np.argmax(np.abs(apart)))
-    return float(abs(apart[k])), float(at[k])
+    return float(abs(apart[k])), float(at[k]), float(error[k])
 
 
-def draw_dp2(data):
-    """DP2 of the data against both models with the spread simulation gives."""
+def _curves(data, key):
+    curves = data.get(key) or []
+    return [c for c in (curves if curves and isinstance(curves[0], list) else [curves]) if c]
+
+
+def draw_dp2(data, unit="dph"):
+    """DP2 of the logs against both models: less the mean of the believed model, and less that of what was found."""
     tau = array(data["tau_s"])
     fig, ax = subplots(size=(5.0, 3.5), layout="constrained")
-    for key, color, label in (("before", BEFORE, "believed model"), ("after", AFTER, "with what was found")):
-        if data.get(f"envelope_{key}_dph"):
-            band = array(data[f"envelope_{key}_dph"])
-            ax.fill_between(tau, band[:, 0], band[:, 1], color=color, alpha=0.15, linewidth=0)
-        if data.get(f"model_{key}_dph"):
-            ax.plot(tau, array(data[f"model_{key}_dph"]), color=color, linewidth=1.8, label=label,
-                    linestyle="--" if key == "before" else "-")
-    curves = data.get("data_dph") or []
-    curves = curves if curves and isinstance(curves[0], list) else [curves]
-    for i, curve in enumerate(c for c in curves if c):
-        ax.plot(tau, array(curve), color=DATA, linewidth=1.1, marker="o", markersize=2.4, alpha=0.85,
-                label="logs" if i == 0 else None)
-    ax.set(xscale="log", yscale="log", xlabel="averaging time [s]", ylabel="DP2 [dph]")
+    models = [(key, array(data[f"model_{key}_dph"])) for key in ("before", "after") if data.get(f"model_{key}_dph")]
+    is_one = len(models) == 2 and np.array_equal(models[0][1], models[1][1], equal_nan=True)
+    for key, curve in models[:1] if is_one else models:
+        ax.plot(tau, curve, color=BEFORE if key == "before" else AFTER, linewidth=1.8, linestyle="--" if key == "before" else "-",
+                label="both models" if is_one else {"before": "believed model", "after": "with what was found"}[key])
+    after = _curves(data, "data_after_dph")
+    for i, curve in enumerate(_curves(data, "data_dph")):
+        ax.plot(tau, array(curve), color=DATA, linewidth=0.8, linestyle=":", marker="o", markersize=3.4, markerfacecolor="white",
+                label=("logs, what was found still in" if after else "logs") if i == 0 else None)
+    for i, curve in enumerate(after):
+        ax.plot(tau, array(curve), color=DATA, linewidth=1.0, marker="o", markersize=3.0, label="logs without it" if i == 0 else None)
+    ax.set(xscale="log", yscale="log", xlabel="averaging time [s]", ylabel=f"DP2 [{unit}]")
+    ax.xaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
+    ax.yaxis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
-    ax.yaxis.set_minor_formatter(matplotlib.ticker.LogFormatter(minor_thresholds=(1.5, 0.4)))
-    ax.grid(True, which="both")
-    legend_above(ax, 3)
-    return svg_image(fig, "DP2 prediction error of the logs against the model before and after")
+    ax.yaxis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+    ax.grid(True, which="major")
+    legend_above(ax, 2)
+    return svg_image(fig, "DP2 prediction error of the logs against the models, before and after")
+
+
+def candidate_rows(candidates, tests=(), named=()):
+    """(rows to draw, best last; how many others gain nothing): what was named comes first, with or without a gain of its own."""
+    rows, seen = [], set()
+    for c in candidates:  # a name that comes again is the same effect of a shape that its parameters do not tell
+        rows.append({**c, "label": plain(c["name"]) + (" (any shape)" if c["name"] in seen else ""), "named": c["name"] in named})
+        seen.add(c["name"])
+    rows += [{"label": f"test: {plain(t['name'])}", "gain_nats": t["evidence_before_nats"] + t["threshold_nats"],
+              "threshold_nats": t["threshold_nats"], "library": False, "named": False} for t in tests]
+    rows = [c for c in rows if c.get("gain_nats") is not None and (c.get("threshold_nats") or 0) > 0]
+    best = {}
+    for c in rows:  # of a named effect its strongest row is the name
+        if c["named"] and c["gain_nats"] >= best.get(c["name"], (-1, None))[0]:
+            best[c["name"]] = (c["gain_nats"], c)
+    rows = [{**c, "named": c["named"] and best[c["name"]][1] is c} for c in rows]
+    elsewhere = [{"label": plain(name), "gain_nats": 0.0, "threshold_nats": 1.0, "named": True, "elsewhere": True} for name in named if name not in seen]
+    drawn = [c for c in rows if c["named"] or c["gain_nats"] > 0.1 * c["threshold_nats"]]
+    drawn.sort(key=lambda c: (-c["named"], -c["gain_nats"] / c["threshold_nats"]))
+    drawn = (elsewhere + drawn)[:18]
+    return drawn[::-1], len(rows) - len([c for c in drawn if not c.get("elsewhere")])
 
 
 def draw_candidates(candidates, tests=(), named=()):
     """What every candidate and every library-free test gains over its false-alarm threshold."""
-    rows = [dict(c) for c in candidates]
-    rows += [{"name": f"test: {t['name']}", "gain_nats": t["evidence_before_nats"] + t["threshold_nats"],
-              "threshold_nats": t["threshold_nats"], "library": False} for t in tests]
-    rows = [c for c in rows if c.get("gain_nats") is not None and (c.get("threshold_nats") or 0) > 0]
-    rows.sort(key=lambda c: -c["gain_nats"] / c["threshold_nats"])
-    rows = rows[:18][::-1]
-    fig, ax = subplots(size=(5.2, 0.22 * len(rows) + 0.9), layout="constrained")
-    ratio = [max(c["gain_nats"], 0.05) / c["threshold_nats"] for c in rows]
+    rows, n_others = candidate_rows(candidates, tests, named)
+    fig, ax = subplots(size=(5.6, 0.24 * len(rows) + 1.0), layout="constrained")
     floor = 0.05
+    ratio = [max(c["gain_nats"] / c["threshold_nats"], floor * 1.02) for c in rows]
     for i, (c, r) in enumerate(zip(rows, ratio)):
         known = c.get("library", True)
-        color = (AFTER if c["name"] in named else "#8fb3d9") if known else "#b9bfc6"
-        ax.barh(i, max(r, floor * 1.02) - floor, left=floor, color=color, height=0.68,
-                hatch=None if known else "////", edgecolor="white", linewidth=0)
-        ax.text(max(r, floor * 1.02) * 1.06, i, f"{number(c['gain_nats'])}", va="center", fontsize=7, color=MUTED)
+        color = (AFTER if c["named"] else "#8fb3d9") if known else "#b9bfc6"
+        ax.barh(i, r - floor, left=floor, color=color, height=0.68, hatch=None if known else "////", edgecolor="white", linewidth=0)
+        ax.text(1.02, i, "found otherwise" if c.get("elsewhere") else number(c["gain_nats"]), transform=ax.get_yaxis_transform(),
+                va="center", fontsize=7, color=MUTED)
     ax.axvline(1, color="#c53030", linewidth=1.2)
-    ax.set_yticks(range(len(rows)), [plain(c["name"]) for c in rows], fontsize=7.5)
-    ax.set(xscale="log", xlabel="gain over its false-alarm threshold (red); numbers: gain in nats")
-    ax.set_xlim(floor, max(max(ratio, default=1) * 2.2, 3))
+    ax.set_yticks(range(len(rows)), [c["label"] for c in rows], fontsize=7.5)
+    for text, c in zip(ax.get_yticklabels(), rows):
+        text.set_fontweight("bold" if c["named"] else "normal")
+    others = f"; {n_others} others gain nothing" if n_others else ""
+    ax.set(xscale="log", xlabel=f"gain over its threshold (red){others}\nright: gain in nats")
+    ax.set_xlim(floor, max(max(ratio, default=1) * 1.3, 3))
     ax.xaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
     ax.grid(False, axis="y")
     ax.tick_params(axis="y", length=0)
@@ -307,9 +280,9 @@ def draw_profile(profile):
             now = float(segment["to_degc"])
         else:
             t += float(segment["duration_s"])
-        times.append(t / 60)
+        times.append(t / 3600)
         temps.append(now)
     fig, ax = subplots(size=(4.6, 2.0), layout="constrained")
     ax.plot(times, temps, color=AFTER, linewidth=1.8)
-    ax.set(xlabel="time [min]", ylabel="temperature [°C]")
-    return svg_image(fig, f"Advised profile of {times[-1]:.0f} minutes")
+    ax.set(xlabel="time [h]", ylabel="temp. [°C]")
+    return svg_image(fig, f"Advised profile of {60 * times[-1]:.0f} minutes")
