@@ -269,7 +269,9 @@ def held_out_text(axis):
     method = str((axis.get("gap") or {}).get("method", ""))
     if method.startswith("quarters"):
         return "quarters of the one log, each predicted from the others but for its own constant"
-    return "each log predicted from the others but for its own constant" if method.startswith("each log") else "held-out logs, but for their own constants"
+    if method.startswith("each log"):
+        return "each log predicted from the others but for its own constant"
+    return "held-out logs, but for their own constants"
 
 
 def held_out_sentence(axis):

@@ -14,16 +14,16 @@ import numpy as np
 
 from . import subplots
 from ..diagnosis_words import number, plain
+from ..direction import FALLING, RESTING, RISING, directions
+from .marks import DIRECTIONS, GRID, INK, MUTED
 
 import matplotlib.ticker  # isort: skip  (after imucal.plot, which loads it without what no page needs)
 from matplotlib.colors import BoundaryNorm, ListedColormap  # isort: skip
 from matplotlib.patches import Rectangle  # isort: skip
 
-INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
 DATA, BEFORE, AFTER = "#1d2733", "#d1662a", "#2b6cb0"
-DIRECTION = {"up": "#c8502d", "down": "#2b6cb0", "soak": "#8a949e"}
-DIRECTION_WORD = {"up": "rising", "down": "falling", "soak": "resting"}
-RESTING_DEGC_MIN = 0.1  # slower than this the temperature rests
+MOVES = {"soak": RESTING, "down": FALLING, "up": RISING}
+DIRECTION_WORD = {name: DIRECTIONS[move].word for name, move in MOVES.items()}
 BRANCH_ORDER = 3  # of the curve about which a branch scatters
 SMOOTHEST_ORDER = 5  # of the curve that stands for the polynomial of the answer, whatever its own order
 
@@ -93,11 +93,18 @@ def draw_gap_map(plots):
     return svg_image(fig, "Gap by averaging time and temperature, before and after")
 
 
-def direction_masks(slope_degc_min):
-    """Which means are of a rising, a falling and a resting temperature."""
-    slope = np.asarray(slope_degc_min, float)
-    still = np.abs(slope) < RESTING_DEGC_MIN
-    return {"soak": still, "up": ~still & (slope > 0), "down": ~still & (slope < 0)}
+def directions_of(data):
+    """{"soak", "down", "up": mask} of the means of all logs, each log by itself: does the temperature rest, fall or rise?"""
+    t_s, temp, log = array(data["t_s"]), array(data["temp_degc"]), array(data["log"])
+    moves = np.zeros(log.size, int)
+    for k in np.unique(log):
+        moves[log == k] = directions(t_s[log == k], temp[log == k])
+    return {name: moves == value for name, value in MOVES.items()}
+
+
+def mark_of(name, size):
+    """How means of such a direction are drawn: keywords of plot()."""
+    return DIRECTIONS[MOVES[name]].style(size)
 
 
 def branches(data, key, n_bins=14):
@@ -105,9 +112,9 @@ def branches(data, key, n_bins=14):
 
     The standard error allows for the correlation of neighbouring means: sqrt((1 + rho)/(1 - rho)).
     """
-    temp, rate, y, log = (array(data[k]) for k in ("temp_degc", "rate_degc_per_min", key, "log"))
+    temp, y, log = (array(data[k]) for k in ("temp_degc", key, "log"))
     rest = y - y.mean()
-    for chosen in direction_masks(rate).values():  # what the branches themselves are is no scatter
+    for chosen in directions_of(data).values():  # what the branches themselves are is no scatter
         if chosen.sum() >= 4 * BRANCH_ORDER:
             x = (temp[chosen] - temp[chosen].mean()) / max(np.ptp(temp[chosen]), 1e-9)
             rest[chosen] = y[chosen] - np.polyval(np.polyfit(x, y[chosen], BRANCH_ORDER if np.ptp(temp[chosen]) > 0 else 0), x)
@@ -117,7 +124,7 @@ def branches(data, key, n_bins=14):
     edges = np.linspace(np.min(temp), np.max(temp), n_bins + 1)
     which = np.clip(np.digitize(temp, edges) - 1, 0, n_bins - 1)
     out = {}
-    for name, chosen in direction_masks(rate).items():
+    for name, chosen in directions_of(data).items():
         points = []
         for k in range(n_bins):
             v = y[chosen & (which == k)]
@@ -138,11 +145,11 @@ class Record:
         self.log, self.t_s, self.rate_dph = array(data["log"]), array(data["t_s"]), array(data["rate_dph"])
         self.before_dph, self.after_dph = array(data["before_dph"]), array(data["after_dph"])
         self.polynomial_dph = array(data["polynomial_dph"])
-        self.temp_degc, self.slope_degc_min = array(data["temp_degc"]), array(data["rate_degc_per_min"])
+        self.temp_degc = array(data["temp_degc"])
         self.has_temperature = bool(np.isfinite(self.temp_degc).any())
         self.logs = list(dict.fromkeys(self.log.tolist()))
         self.believed_mean = "polynomial" if self.has_temperature else "mean of the log" if len(self.logs) == 1 else "mean of each log"
-        self.chosen = direction_masks(self.slope_degc_min)
+        self.chosen = directions_of(data)
         self.cause_dph = self.before_dph - self.after_dph
         self._split()
 
@@ -150,7 +157,9 @@ class Record:
         """Polynomial and constants: least squares of a smooth curve and one constant for each log."""
         columns = [self.log == k for k in self.logs]
         span = np.ptp(self.temp_degc) if self.has_temperature else 0
-        powers = [(2 * (self.temp_degc - self.temp_degc.min()) / span - 1)**k for k in range(1, SMOOTHEST_ORDER + 1)] if span > 0 else []
+        powers = []
+        if span > 0:
+            powers = [(2 * (self.temp_degc - self.temp_degc.min()) / span - 1)**k for k in range(1, SMOOTHEST_ORDER + 1)]
         self._middle = [np.mean(x) for x in powers]
         design = np.array(columns + [x - m for x, m in zip(powers, self._middle)], float).T
         beta = np.linalg.lstsq(design, self.polynomial_dph, rcond=None)[0]
@@ -238,7 +247,8 @@ def candidate_rows(candidates, tests=(), named=()):
         if c["named"] and c["gain_nats"] >= best.get(c["name"], (-1, None))[0]:
             best[c["name"]] = (c["gain_nats"], c)
     rows = [{**c, "named": c["named"] and best[c["name"]][1] is c} for c in rows]
-    elsewhere = [{"label": plain(name), "gain_nats": 0.0, "threshold_nats": 1.0, "named": True, "elsewhere": True} for name in named if name not in seen]
+    elsewhere = [{"label": plain(name), "gain_nats": 0.0, "threshold_nats": 1.0, "named": True, "elsewhere": True}
+                 for name in named if name not in seen]
     drawn = [c for c in rows if c["named"] or c["gain_nats"] > 0.1 * c["threshold_nats"]]
     drawn.sort(key=lambda c: (-c["named"], -c["gain_nats"] / c["threshold_nats"]))
     drawn = (elsewhere + drawn)[:18]

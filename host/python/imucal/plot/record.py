@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Figures of the record of a diagnosis: seconds as they were logged first, then their means, what polynomial and answer make of them,
-and the samples that no answer rests on, with the reason.
+"""Figures of the record of a diagnosis: rows as they were logged, their means, what polynomial and answer make of them, and
+the samples that no answer rests on, with the reason.
 
 `plots` is the member of one axis (host/formats.md, Diagnosis); rates are in `unit`, dph or mg.
 """
@@ -10,7 +10,7 @@ import numpy as np
 
 from . import subplots
 from ..diagnosis_words import number
-from .diagnosis import AFTER, BEFORE, DATA, DIRECTION, DIRECTION_WORD, INK, MUTED, Record, array, svg_image
+from .diagnosis import AFTER, BEFORE, DATA, DIRECTION_WORD, INK, MUTED, Record, array, directions_of, mark_of, svg_image
 
 import matplotlib.ticker  # isort: skip  (after imucal.plot, which loads it without what no page needs)
 
@@ -62,25 +62,30 @@ def _means_of_fitted(record, log):
 def _means_of_held_out(data, log):
     own = array(data["log"]) == log
     rate, before, after = (array(data[key])[own] for key in ("rate_dph", "before_dph", "after_dph"))
-    from .diagnosis import direction_masks
     return {"t_s": array(data["t_s"])[own], "temp_degc": array(data["temp_degc"])[own], "rate_dph": rate,
             "believed_dph": rate - before, "found_dph": rate - after,
-            "chosen": direction_masks(array(data["rate_degc_per_min"])[own])}
+            "chosen": {name: chosen[own] for name, chosen in directions_of(data).items()}}
+
+
+def _record_of(residual, has_curve):
+    """Without a curve what another noise makes of the polynomial is no finding."""
+    return Record(residual if has_curve else {**residual, "after_dph": residual["before_dph"]})
 
 
 def stretches(plots, has_curve=True):
     """The logs in the order in which they are drawn: fitted ones, then held-out ones with what is foretold of them."""
     residual, held = plots.get("residual") or {}, plots.get("held_out") or {}
-    record = Record(residual if has_curve else {**residual, "after_dph": residual["before_dph"]}) if residual.get("rate_dph") else None
+    record = _record_of(residual, has_curve) if residual.get("rate_dph") else None
     out = {}
     for log in plots.get("record") or []:
         key = (bool(log.get("is_held_out")), int(log["log"]))
         stretch = out[key] = Stretch(key, f"{'held-out ' if key[0] else ''}log {key[1] + 1}", key[0])
         stretch.raw, stretch.every = _rows(log, "t_s", "temp_degc", "rate_dph"), int(log.get("every") or 1)
         stretch.why_left_out = log.get("why_left_out") or ""
-        left_out = sorted(log.get("left_out") or [], key=lambda rows: rows["why"] == NEIGHBOUR)  # these are told by those before them
-        stretch.left_out = [{**_rows(rows, "t_s", "temp_degc", "rate_dph"), "n": rows["n"], "label": rows.get("label") or rows["why"],
-                             "is_neighbour": rows["why"] == NEIGHBOUR} for rows in left_out]
+        left_out = sorted(log.get("left_out") or [], key=lambda rows: rows["why"] == NEIGHBOUR)  # told by those before them
+        stretch.left_out = [{**_rows(rows, "t_s", "temp_degc", "rate_dph"), "n": rows["n"],
+                             "label": rows.get("label") or rows["why"], "is_neighbour": rows["why"] == NEIGHBOUR}
+                            for rows in left_out]
     for log in record.logs if record else []:
         stretch = out.setdefault((False, int(log)), Stretch((False, int(log)), f"log {log + 1:.0f}", False))
         stretch.means = _means_of_fitted(record, log)
@@ -183,9 +188,9 @@ def _draw_rates(ax, logs, begin, scale, beyond, mean_s, has_temperature, believe
             x = at(s.means["t_s"])
             for name, chosen in s.means["chosen"].items():
                 if chosen.any():
-                    colour = DIRECTION[name] if has_temperature else DATA
+                    how = mark_of(name, 3) if has_temperature else {"marker": ".", "ls": "none", "ms": 3.4, "color": DATA}
                     label = f"means, temperature {DIRECTION_WORD[name]}" if has_temperature else "means"
-                    ax.plot(x[chosen], s.means["rate_dph"][chosen], ".", markersize=3.4, color=colour, label=once(label), zorder=3, **_points(x))
+                    ax.plot(x[chosen], s.means["rate_dph"][chosen], label=once(label), zorder=3, **how, **_points(x))
         for rows in s.left_out:
             colour, mark, n = marks[rows["label"]]
             x = at(rows["t_s"])
@@ -195,9 +200,10 @@ def _draw_rates(ax, logs, begin, scale, beyond, mean_s, has_temperature, believe
         if s.means:
             x = at(s.means["t_s"])
             gap = FAR_APART * mean_s / scale
-            ax.plot(*broken(x, s.means["believed_dph"], gap), color=INK, linewidth=0.9, linestyle="--", label=once(believed), zorder=4)
+            line = {"color": INK, "zorder": 4}
+            ax.plot(*broken(x, s.means["believed_dph"], gap), linewidth=0.9, linestyle="--", label=once(believed), **line)
             if np.any(s.means["found_dph"] != s.means["believed_dph"]):
-                ax.plot(*broken(x, s.means["found_dph"], gap), color=INK, linewidth=1.1, label=once("with what was found"), zorder=4)
+                ax.plot(*broken(x, s.means["found_dph"], gap), linewidth=1.1, label=once("with what was found"), **line)
 
 
 def _draw_temperatures(ax, logs, begin, scale, mean_s):
@@ -207,11 +213,12 @@ def _draw_temperatures(ax, logs, begin, scale, mean_s):
             t, temp = (np.concatenate([p[key] for p in parts]) for key in ("t_s", "temp_degc"))
             order = np.argsort(t, kind="stable")
             step = np.median(np.diff(s.raw["t_s"])) if s.raw["t_s"].size > 1 else 1.0
-            ax.plot(*broken((t[order] - first + now) / scale, temp[order], max(10 * step, mean_s) / scale), color=RAW, linewidth=1.2)
+            x = (t[order] - first + now) / scale
+            ax.plot(*broken(x, temp[order], max(10 * step, mean_s) / scale), color=RAW, linewidth=1.2)
         if s.means:
             for name, chosen in s.means["chosen"].items():
-                ax.plot((s.means["t_s"][chosen] - first + now) / scale, s.means["temp_degc"][chosen], ".", markersize=2.4,
-                        color=DIRECTION[name], **_points(s.means["t_s"]))
+                ax.plot((s.means["t_s"][chosen] - first + now) / scale, s.means["temp_degc"][chosen], **mark_of(name, 2.4),
+                        **_points(s.means["t_s"]))
     ax.set_ylabel("temp. [°C]")
     ax.yaxis.set_major_locator(matplotlib.ticker.MaxNLocator(4))
 
@@ -227,8 +234,8 @@ def legend_over(fig, columns=4):
         for handle, label in zip(*ax.get_legend_handles_labels()):
             entries.setdefault(label, handle)
     if entries:
-        fig.legend(entries.values(), entries, loc="outside upper right", ncols=min(columns, len(entries)), columnspacing=1.2, handlelength=1.6,
-                   markerscale=1.5)
+        fig.legend(entries.values(), entries, loc="outside upper right", ncols=min(columns, len(entries)), columnspacing=1.2,
+                   handlelength=1.6, markerscale=1.5)
 
 
 def draw_record(plots, unit="dph", has_curve=True):
@@ -251,14 +258,15 @@ def draw_record(plots, unit="dph", has_curve=True):
             for ax in axes[:, 0]:
                 ax.axvspan(now / scale, (now + np.ptp(s.times())) / scale, color=HELD_OUT_SHADE, zorder=0)
         if len(logs) > 1:
-            top.text(now / scale, 1.0, s.label + (" (not used)" if s.why_left_out else ""), transform=top.get_xaxis_transform(), fontsize=7.5,
-                     color=MUTED, va="bottom")
+            top.text(now / scale, 1.0, s.label + (" (not used)" if s.why_left_out else ""),
+                     transform=top.get_xaxis_transform(), fontsize=7.5, color=MUTED, va="bottom")
     top.set_ylabel(f"rate [{unit}]" if unit == "dph" else f"specific force [{unit}]")
     if rows == 2:
         _draw_temperatures(axes[1][0], logs, begin, scale, mean_s)
     axes[-1][0].set_xlabel(f"time [{name}]" + (", logs one after the other" if len(logs) > 1 else ""))
     legend_over(fig)
-    return svg_image(fig, "Rate and temperature against time, as logged and in means" if has_temperature else "Rate against time, as logged and in means")
+    what = "Rate and temperature" if has_temperature else "Rate"
+    return svg_image(fig, f"{what} against time, as logged and in means")
 
 
 def _raw_behind(ax, plots, record, lo, hi):
@@ -269,17 +277,19 @@ def _raw_behind(ax, plots, record, lo, hi):
         if s.is_held_out or not own.any():
             continue
         constant = float(record.offset_dph[own].mean())
-        ax.plot(s.raw["temp_degc"], s.raw["rate_dph"] - constant, ".", markersize=1.4, color=RAW, zorder=1, **_points(s.raw["t_s"]))
+        ax.plot(s.raw["temp_degc"], s.raw["rate_dph"] - constant, ".", markersize=1.4, color=RAW, zorder=1,
+                **_points(s.raw["t_s"]))
         for rows in s.left_out:
             y = rows["rate_dph"] - constant
-            ax.plot(rows["temp_degc"], np.where((y < lo) | (y > hi), np.nan, y), marks[rows["label"]][1], markersize=4, markeredgewidth=0.8,
-                    color=marks[rows["label"]][0], zorder=2, **_points(rows["t_s"]))
+            colour, mark, _ = marks[rows["label"]]
+            ax.plot(rows["temp_degc"], np.where((y < lo) | (y > hi), np.nan, y), mark, markersize=4, markeredgewidth=0.8,
+                    color=colour, zorder=1.5 if rows["is_neighbour"] else 2, **_points(rows["t_s"]))
 
 
 def draw_against_temperature(plots, unit="dph", has_curve=True, draws_found=True):
     """Three panels: the rate against temperature; less the polynomial; less what was found too, on the scale of the second."""
     residual = plots["residual"]
-    r = Record(residual if has_curve else {**residual, "after_dph": residual["before_dph"]})
+    r = _record_of(residual, has_curve)
     kinds = ["raw", "before"] + ["after"] * has_curve
     fig, axes = subplots(1, len(kinds), size=(9.6, 3.5), layout="constrained", squeeze=False)
     low, high = limits(stretches(plots, has_curve))
@@ -291,10 +301,9 @@ def draw_against_temperature(plots, unit="dph", has_curve=True, draws_found=True
             _raw_behind(ax, plots, r, low, high)
         for name, chosen in r.chosen.items():
             if chosen.any():
-                ax.plot(r.temp_degc[chosen], y[chosen], ".", markersize=3.6, color=DIRECTION[name], label=DIRECTION_WORD[name], zorder=3,
+                ax.plot(r.temp_degc[chosen], y[chosen], label=DIRECTION_WORD[name], zorder=3, **mark_of(name, 3.2),
                         **_points(r.t_s))
-        ax.plot(grid, curve if kind == "raw" else np.where(np.isfinite(curve), 0, np.nan), color=INK, linewidth=1.1, linestyle="--",
-                label="polynomial", zorder=4)
+        ax.plot(grid, curve if kind == "raw" else 0 * curve, color=INK, linewidth=1.1, linestyle="--", label="polynomial", zorder=4)
         if kind == "before" and draws_found and np.any(np.abs(r.cause_dph) > 0):
             ax.plot(*r.cause_against_temperature(), color=INK, linewidth=1.1, label="with what was found", zorder=4)
         if kind != "raw":
