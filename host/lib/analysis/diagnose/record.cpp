@@ -31,7 +31,7 @@ void RecordedRows::add(const Log& log, const LogAxis& axis, size_t row) {
   rate_dph.push_back(axis.rate_dph[row]);
 }
 
-Record::Record(const std::vector<Log>& fitted, const std::vector<Log>& held_out, std::string axis)
+Record::Record(const std::vector<Log>& fitted, const std::vector<Log>& held_out, const std::string& axis)
     : n_fitted_(fitted.size()) {
   const uint8_t no_rate = place_of(kLeftOutNoRate), flagged = place_of(kLeftOutFlagged);
   for (size_t i = 0; i < fitted.size() + held_out.size(); ++i) {

@@ -37,7 +37,7 @@ struct RecordedLog {
 class Record {
 public:
   // Rows without a rate and flagged ones.  A log without the axis has no rows.
-  Record(const std::vector<Log>& fitted, const std::vector<Log>& held_out, std::string axis);
+  Record(const std::vector<Log>& fitted, const std::vector<Log>& held_out, const std::string& axis);
   // The campaigns as find_structure left them.
   void leave_out(const StructureResult& found, const Campaign& fitted, const Campaign& held_out);
   // As they are in the end: what was left out since is at a jump; hits are left out of means.
