@@ -3,6 +3,7 @@
 
 ROOMS_physics := physics/sim physics/effects noise linear io base
 ROOMS_test_base := base
+ROOMS_test_repeats := base
 ROOMS_test_noise := noise io base
 ROOMS_test_sim := $(ROOMS_physics)
 ROOMS_test_effects := $(ROOMS_physics)

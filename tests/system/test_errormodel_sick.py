@@ -34,6 +34,14 @@ def frozen_half(temp, rates):
     rates[0][3000:] = rates[0][3000]
 
 
+def held_two(temp, rates):
+    rates[0][1::2] = rates[0][::2]
+
+
+def held_ten(temp, rates):
+    rates[0][:] = np.repeat(rates[0][::10], 10)
+
+
 def swapped(temp, rates):
     temp[:], rates[0][:] = rates[0].copy(), temp.copy()
 
@@ -58,6 +66,7 @@ def test_healthy_log_is_accepted(tmp_path):
 
 
 @pytest.mark.parametrize("sicken, rule, words", [(one_knock, "outliers", "t = 2000 s"), (frozen_half, "repeated", "3000"),
+                                                 (held_two, "repeated", "rows of 2 s"), (held_ten, "repeated", "rows of 10 s"),
                                                  (swapped, "temp-spikes", "temperatures")])
 def test_sick_log_makes_no_model_in_silence(tmp_path, sicken, rule, words):
     done, result = fit(tmp_path, sicken)

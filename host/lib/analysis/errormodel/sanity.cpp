@@ -7,6 +7,7 @@
 #include "analysis/errormodel/confidence.h"
 #include "base/error.h"
 #include "base/format.h"
+#include "base/repeats.h"
 #include "health.h"
 
 namespace imucal {
@@ -24,7 +25,11 @@ void add_repeated(const Series& s, Sanity* out) {
     run = k > 0 && s.rate_dph[i] == s.rate_dph[i - 1] ? run + 1 : 1;
     if (run > longest) longest = run, end = k;
   }
-  if (static_cast<double>(longest) <= kMostRepeated) return;
+  if (static_cast<double>(longest) <= kMostRepeated) {
+    if (const double share = repeated_share(s.rate_dph); share > kMostRepeatedShare)
+      out->reasons.push_back({s.log, s.axis, "repeated", share, kMostRepeatedShare, repeated_text(share, s.dt_s)});
+    return;
+  }
   out->reasons.push_back({s.log, s.axis, "repeated", static_cast<double>(longest), kMostRepeated,
                           format("%.0f rows in a row, from %.10g s on, have the same value: the output is frozen, or "
                                  "far coarser than its noise",
