@@ -117,6 +117,24 @@ def test_table_beyond_a_limit_is_an_answer(tmp_path, capsys, limits, words):
     assert words in capsys.readouterr().out
 
 
+def test_accepted_findings_make_the_error_larger(tmp_path, capsys, monkeypatch):
+    table = json.loads(TABLE)
+    table["axes"][0].update(accepted=["slow"], error_factor=2.5)
+    monkeypatch.setitem(globals(), "TABLE", json.dumps(table))
+    assert _limits(tmp_path, max_sigma=14) == 1
+    said = capsys.readouterr().out
+    assert "predicted error, 2.5 times what the table says (slow accepted), 15 dph" in said and "limit 14" in said
+    assert _limits(tmp_path, max_sigma=15.1) == 0
+
+
+@pytest.mark.parametrize("change, words", [({"error_factor": 0.5}, "error_factor"), ({"accepted": "slow"}, "accepted")])
+def test_notes_of_a_table_that_are_not_valid_are_refused(tmp_path, change, words):
+    table = json.loads(TABLE)
+    table["axes"][0].update(change)
+    (tmp_path / "t.json").write_text(json.dumps(table))
+    assert any(words in message for message in check_file(tmp_path / "t.json")[1])
+
+
 def test_table_within_its_limits_is_said_to_keep_them(tmp_path, capsys):
     assert _limits(tmp_path, span_degc=[-20, 70], max_sigma=6, max_bias=8.2, max_slope_per_degc=0.35, axes=["gx_dph"]) == 0
     assert "limits.json: kept" in capsys.readouterr().out

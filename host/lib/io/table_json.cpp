@@ -125,7 +125,16 @@ void refuse_unknown(const JsonField& field, const std::string& unit) {
   const std::string coeff = "coeff_" + unit, sigma = "sigma_" + unit, scale = unit + "_per_count";
   field.only({"axis", "order", "t0_degc", "range_degc", coeff.c_str(), "scale_coeff", "span_degc", "temp_degc",
               sigma.c_str(), "model", scale.c_str(), "full_scale_counts", "n_seconds", "residual_rms_dph",
-              "residual_rms_mg"});
+              "residual_rms_mg", "accepted", "error_factor"});
+}
+
+TableNote note_from_json(const JsonField& field) {
+  TableNote note;
+  note.axis = field.at("axis").text();
+  if (const auto accepted = field.find("accepted"))
+    for (const JsonField& rule : accepted->elements()) note.accepted.push_back(rule.text());
+  if (const auto factor = field.find("error_factor")) note.error_factor = factor->number(1, 1e6);
+  return note;
 }
 
 imucal_table_channel_t channel_from_json(const JsonField& field) {
@@ -150,6 +159,7 @@ imucal_table_channel_t channel_from_json(const JsonField& field) {
   channel.unit_per_count = single(field.at(unit + "_per_count"));
   channel.full_scale_counts = static_cast<int32_t>(field.at("full_scale_counts").integer(1, 0x7FFFFFFF));
   channel.n_seconds = static_cast<uint32_t>(field.at("n_seconds").integer(0, INT64_C(0xFFFFFFFF)));
+  (void)note_from_json(field); // refused where it is not valid
   return channel;
 }
 
@@ -226,7 +236,7 @@ std::string channel_unit(const imucal_table_channel_t& channel) {
   return at == std::string::npos || at + 1 == name.size() ? "dph" : name.substr(at + 1);
 }
 
-Json to_json(const imucal_table_t& table) {
+Json to_json(const imucal_table_t& table, const std::vector<TableNote>& notes) {
   Json json = {{"imucal_table", IMUCAL_TABLE_VERSION},
                {"serial", fixed_text(table.serial)},
                {"sequence", table.sequence},
@@ -234,7 +244,13 @@ Json to_json(const imucal_table_t& table) {
                {"degc_per_count", shortest(table.degc_per_count)},
                {"degc_at_zero", shortest(table.degc_at_zero)},
                {"axes", Json::array()}};
-  for (size_t i = 0; i < table.n_channels; ++i) json["axes"].push_back(to_json(table.channel[i]));
+  for (size_t i = 0; i < table.n_channels; ++i) {
+    Json axis = to_json(table.channel[i]);
+    for (const TableNote& note : notes)
+      if (fixed_text(table.channel[i].name) == note.axis)
+        axis["accepted"] = note.accepted, axis["error_factor"] = note.error_factor;
+    json["axes"].push_back(axis);
+  }
   return json;
 }
 
@@ -290,8 +306,18 @@ imucal_table_t table_from_bytes(const std::vector<uint8_t>& bytes, const std::st
   return table;
 }
 
-void write_table(const std::string& path, const imucal_table_t& table) {
-  if (!is_binary(path)) return write_json(path, to_json(table));
+std::vector<TableNote> read_table_notes(const std::string& path) {
+  std::vector<TableNote> notes;
+  if (is_binary(path)) return notes;
+  for (const JsonField& axis : read_json(path).at("axes").elements()) {
+    const TableNote note = note_from_json(axis);
+    if (!note.accepted.empty()) notes.push_back(note);
+  }
+  return notes;
+}
+
+void write_table(const std::string& path, const imucal_table_t& table, const std::vector<TableNote>& notes) {
+  if (!is_binary(path)) return write_json(path, to_json(table, notes));
   const std::vector<uint8_t> bytes = table_bytes(table, path);
   write_text(path, std::string(bytes.begin(), bytes.end()));
 }

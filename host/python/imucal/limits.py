@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Does a calibration table keep the limits that a production line sets?  What is judged is the table alone: its span, its
-predicted error, and the size and slope of its bias inside the span.  A finding is an answer, not an error."""
+predicted error (times the factor by which its maker saw it too small), and the size and slope of its bias inside the span.  A finding is an
+answer, not an error."""
 import numpy as np
 
 from .strict import read_json
@@ -12,6 +13,12 @@ def _largest(values, temp_degc):
     return abs(float(values[at])), float(temp_degc[at])
 
 
+def _error_name(channel):
+    if channel.error_factor <= 1:
+        return "predicted error"
+    return f"predicted error, {channel.error_factor:.3g} times what the table says ({', '.join(channel.accepted)} accepted),"
+
+
 def _findings(channel, limits):
     """Sentences on one axis."""
     unit, found = channel.unit, []
@@ -20,7 +27,7 @@ def _findings(channel, limits):
         if channel.span_degc[0] > lo or channel.span_degc[1] < hi:
             found.append(f"valid from {channel.span_degc[0]:g} to {channel.span_degc[1]:g} degC, wanted {lo:g} to {hi:g}")
     grid = np.linspace(*channel.span_degc, 1001)
-    curves = {"max_sigma": ("predicted error", channel.sigma, channel.temp_degc, unit), "max_bias": ("bias", channel.bias(grid), grid, unit),
+    curves = {"max_sigma": (_error_name(channel), channel.sigma * channel.error_factor, channel.temp_degc, unit), "max_bias": ("bias", channel.bias(grid), grid, unit),
               "max_slope_per_degc": ("slope", np.gradient(channel.bias(grid), grid), grid, f"{unit} per degC")}
     for key, (name, values, temp_degc, text) in curves.items():
         if key in limits and not len(values):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Calibration tables and error models as their JSON files hold them."""
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,8 @@ class Channel:
     coeff : float array (order + 1,)   in `unit`
     scale_coeff : float array    rate = (raw - B(T)) (1 + M(T)), M(T) = sum scale_coeff[i] Tn^i
     sigma : float array (9,)     one-sigma calibration error at temp_degc
+    accepted : list of str       rules that spoke against the axis and were accepted (calibrate --accept)
+    error_factor : float         how many times sigma is too small by what its maker saw; 1: nothing is known against it
     """
 
     axis: str
@@ -30,6 +32,8 @@ class Channel:
     temp_degc: np.ndarray
     sigma: np.ndarray
     unit_per_count: float
+    accepted: list = field(default_factory=list)
+    error_factor: float = 1.0
 
     @property
     def order(self):
@@ -92,7 +96,7 @@ def _channel(axis):
     return Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
                    np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])),
                    np.array(axis.get("temp_degc", np.linspace(*axis["span_degc"], 9)), float), np.array(axis[f"sigma_{unit}"], float),
-                   float(axis[f"{unit}_per_count"]))
+                   float(axis[f"{unit}_per_count"]), list(axis.get("accepted", [])), float(axis.get("error_factor", 1)))
 
 
 def read_table(path):
