@@ -17,10 +17,10 @@
 #define MAX_MOVE 6.0f
 #define MAX_RAMP (64.0f / 300.0f)
 #define MIN_SPAN 0.5f
-#define MIN_NIS 0.2f
+#define MIN_NIS IMUCAL_HEALTH_LEAST_NIS
 #define MAX_NIS IMUCAL_HEALTH_MOST_NIS
 #define MAX_LAG1 0.1f
-#define MAX_SLOW 1.5f
+#define MAX_SLOW IMUCAL_HEALTH_MOST_SLOW
 #define MIN_SLOW_BLOCKS 4u
 
 static float magnitude(float value) {

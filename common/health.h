@@ -54,8 +54,10 @@ extern "C" {
 #define IMUCAL_HEALTH_Z 4.0f
 #define IMUCAL_HEALTH_MOST_REPEATED 40.0f /* seconds in a row with one value */
 #define IMUCAL_HEALTH_MOST_NIS 1.25f      /* mean square of an innovation over what is believed */
-#define IMUCAL_HEALTH_GATE 36.0f          /* of innovation^2/S */
-#define IMUCAL_HEALTH_UNGATED_N 16u       /* innovations before the gate closes: the prior is only a guess */
+#define IMUCAL_HEALTH_LEAST_NIS 0.2f
+#define IMUCAL_HEALTH_MOST_SLOW 1.5f /* the same of sums over blocks of 256 s */
+#define IMUCAL_HEALTH_GATE 36.0f     /* of innovation^2/S */
+#define IMUCAL_HEALTH_UNGATED_N 16u  /* innovations before the gate closes: the prior is only a guess */
 #define IMUCAL_HEALTH_MAX_REJECT_RUN 60u
 #define IMUCAL_HEALTH_TEMP_STEP_DEGC 1.0f
 #define IMUCAL_HEALTH_TEMP_RATE_DEGC_PER_S 0.2f /* 12 degC a minute */

@@ -396,7 +396,7 @@ void test_fast_rows_do_not_hide_a_fast_ramp(void**) {
 // What compares with a model is not judged without one, and that is said.
 void test_rules_that_are_not_judged_are_named(void**) {
   const Log log = profile_log(1, 36, 20, 100);
-  const std::vector<std::string> expected = {"nis", "lag1", "slow", "residual"};
+  const std::vector<std::string> expected = {"nis", "lag1", "slow"};
   assert_true(fit_logs({log}, unmodelled()).axes.at(0).not_judged == expected);
   for (const auto method : {FitOptions::Method::kKalman, FitOptions::Method::kPolynomial})
     assert_true(fit_logs({log}, options_of(method, 3)).axes.at(0).not_judged.empty());

@@ -11,11 +11,13 @@
 #include <limits>
 #include <memory>
 
+#include "analysis/fit/expected.h"
 #include "analysis/fit/fit.h"
 #include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/repeats.h"
 #include "device/recorder.h"
 #include "device/watch.h"
 #include "io/log.h"
@@ -461,7 +463,12 @@ void Run::judge() {
     axes.push_back(as_fit(result_.axes[i]));
     axes.back().lossy_frac =
         static_cast<double>(axes_[i].n_lossy) / std::max(1.0, static_cast<double>(axes_[i].rate.size()));
+    axes.back().repeated_frac = repeated_share({axes_[i].rate.begin(), axes_[i].rate.end()});
     see_renewal(renewal, &axes.back());
+    if (const ErrorModel* model = axes_[i].model; model && model->markov.size() > 1)
+      judge_by_expected(expected_innovations(result_.axes[i].filter.config, noise_of(*model), 1.0), axes.back().n_used,
+                        &axes.back());
+    result_.axes[i].error_factor = axes.back().error_factor;
     models.push_back(axes_[i].model);
   }
   result_.reasons = judge_axes(axes, models, 1.0, options_.judge);

@@ -47,6 +47,7 @@ struct AxisResult {
   imucal_kf_t filter{}; // the device's, bit for bit: predicts the error at any temperature
   imucal_link_health_reply_t health{};
   double residual_rms = 0; // of the seconds seen against the polynomial learned, without as many as the device left out
+  double error_factor = 1; // how many times the predicted error is too small by what was seen, against the whole model
 };
 
 struct RunResult {

@@ -510,7 +510,7 @@ Json axis_json(const AxisResult& axis, const RunResult& result, const Json& in_t
   if (channel.order == 0) return entry;
   const float worst = *std::max_element(channel.sigma, channel.sigma + IMUCAL_TABLE_SIGMA_N);
   entry["worst_sigma"] = shortest(worst);
-  entry["error_factor"] = shortest(axis.health.error_factor);
+  entry["error_factor"] = axis.error_factor;
   entry["curve"] = curve_json(axis, channel);
   return entry;
 }
@@ -599,10 +599,17 @@ std::string unflashed_path(const Device& device, const std::string& asked_for) {
   return path;
 }
 
+// What its table says of rules that were accepted.
+std::vector<TableNote> notes_of(const RunResult& result) {
+  std::map<std::string, double> error_factor;
+  for (const AxisResult& axis : result.axes) error_factor[axis.name] = axis.error_factor;
+  return table_notes(result.reasons, error_factor);
+}
+
 // The run is not lost: what was learnt is in a file, and what to do is said.
 Exit keep_unflashed(const Device& device, const RunResult& result, const std::string& path) {
   warn("calibrate: %s\n", printable(result.flash_error).c_str());
-  write_table(path, result.table);
+  write_table(path, result.table, notes_of(result));
   warn("calibrate: not flashed; what was learnt is good and is kept in %s: mend the device, then calibrate --port %s "
        "flash %s\n",
        path.c_str(), device.port().c_str(), path.c_str());
@@ -613,7 +620,7 @@ Exit keep_unflashed(const Device& device, const RunResult& result, const std::st
 void write_run_table(const std::string& path, const RunResult& result) {
   if (path.empty() || !result.is_flashed) return;
   try {
-    write_table(path, result.table);
+    write_table(path, result.table, notes_of(result));
   } catch (const Error& e) {
     throw Error(e.exit(), std::string(e.what()) + "; table " + std::to_string(result.table.sequence) +
                               " is flashed and verified, calibrate dump -o FILE reads it");
@@ -651,6 +658,11 @@ Exit flash_table(Device* device, const std::string& path, const CommonOptions& c
   if (common.talks()) {
     std::printf("table %u flashed on %s, read back and verified\n", flashed.sequence, device->serial().c_str());
     print_axes(flashed);
+    for (const TableNote& note : read_table_notes(path))
+      if (note.error_factor > 1)
+        std::printf("note: %s was accepted although rules spoke against it: its error is about %.3g times what the "
+                    "table says\n",
+                    note.axis.c_str(), note.error_factor);
   }
   return Exit::kDone;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "analysis/fit/judge.h"
 #include "base/digits.h"
 #include "base/format.h"
 #include "base/range.h"
@@ -191,7 +192,7 @@ Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
       result.warnings.push_back(
           "no serial in the log: the table is for serial \"unknown\" and no device takes it; give --serial");
     }
-    write_table(arguments.table_path, make_table(result, info));
+    write_table(arguments.table_path, make_table(result, info), table_notes(result));
   }
   for (const std::string& warning : result.warnings) say(stderr, "calibrate: note: " + warning + "\n");
   if (common.wants_json()) write_json(common.json_path, to_json(result));

@@ -79,6 +79,7 @@ Json to_json(const FitResult& result) {
     if (const double turn_on = turn_on_sigma(result, axis); turn_on > 0) a["turn_on_sigma_dph"] = turn_on;
     if (axis.residual_noise) a["residual_noise"] = noise_json(*axis.residual_noise);
     a["residual_rms_dph"] = axis.residual_rms_dph;
+    if (axis.residual_noise) a["expected_residual_dph"] = axis.expected_residual_dph;
     a["span_degc"] = {axis.span_lo_degc, axis.span_hi_degc};
     a["n_used"] = axis.n_used;
     a["n_missing"] = axis.n_missing;

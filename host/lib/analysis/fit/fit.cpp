@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "analysis/fit/expected.h"
 #include "analysis/fit/judge.h"
 #include "analysis/fit/parts.h"
 #include "analysis/fit/residual_shape.h"
@@ -13,6 +14,7 @@
 #include "base/error.h"
 #include "base/format.h"
 #include "base/range.h"
+#include "base/repeats.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -295,7 +297,8 @@ void leave_out_stands(std::vector<FitRun>* runs) {
 // What a polynomial without a model is judged by: the noise of its own residuals, as a filter would believe it.
 struct OwnNoise {
   std::optional<imucal_kf_config_t> config; // empty: nothing that a filter could believe
-  bool is_of_moving = false;                // found where the temperature moves: judges what is seen where it stands
+  NoiseModel noise;
+  bool is_of_moving = false; // found where the temperature moves: judges what is seen where it stands
 };
 
 OwnNoise own_noise(std::vector<FitRun> runs, const imucal_health_config_t& expected, const FitOptions& options,
@@ -314,6 +317,7 @@ OwnNoise own_noise(std::vector<FitRun> runs, const imucal_health_config_t& expec
       model.arw_deg_rt_h = arw_from_white_sigma(noise.white_sigma_dph);
       model.markov = noise.markov;
       own.config = kf_config(model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
+      own.noise = noise;
       own.is_of_moving = is_of_moving;
       return own;
     } catch (const Error&) { // too few rows, or no noise
@@ -339,7 +343,7 @@ void judge_ramp_by_time(const std::vector<FitRun>& runs, const imucal_health_con
     axis->health.bits |= 1U << IMUCAL_HEALTH_TEMP_RAMP;
 }
 
-// Without a model: no verdict on what compares with one, for the noise of the residuals always fits them.
+// Without a model: no verdict on the innovations, for the noise of the residuals always fits them.
 void name_what_is_not_judged(bool has_model, FitAxis* axis) {
   if (!has_model) {
     for (const uint32_t rule : {IMUCAL_HEALTH_NIS, IMUCAL_HEALTH_LAG1, IMUCAL_HEALTH_SLOW}) forget_rule(rule, axis);
@@ -347,7 +351,6 @@ void name_what_is_not_judged(bool has_model, FitAxis* axis) {
   }
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule)
     if (!(axis->health.judged >> rule & 1U)) axis->not_judged.emplace_back(imucal_health_rule_name(rule));
-  if (!has_model) axis->not_judged.emplace_back("residual");
 }
 
 // The first second that the rules or the gate left out.
@@ -392,20 +395,36 @@ void find_far_off(const std::vector<Log>& logs, const FitOptions& options, const
   if (n > 0) axis->first_far_off = first_left_out(logs, inside, left, dt_s);
 }
 
+// Over all runs; nothing is compared across their ends.
+double repeated_frac(const std::vector<FitRun>& runs) {
+  std::vector<double> rates;
+  for (const FitRun& run : runs) {
+    rates.insert(rates.end(), run.rate_dph.begin(), run.rate_dph.end());
+    rates.push_back(kUnused);
+  }
+  return repeated_share(rates);
+}
+
 // Every second through the rules and the gate, by the model's noise or by the residuals' own.
 void check_axis(const std::vector<Log>& logs, const FitOptions& options, imucal_health_config_t expected,
                 std::optional<imucal_kf_config_t> config, std::vector<FitRun>* runs, FitAxis* axis) {
   const double dt_s = logs[0].dt_s();
   const bool has_model = config.has_value();
   bool judges_stands = true;
+  NoiseModel noise;
+  if (has_model) noise = noise_of(*options.model_of(axis->axis));
   if (!has_model) {
     const OwnNoise own = own_noise(*runs, expected, options, dt_s, *axis);
     config = own.config;
+    noise = own.noise;
     judges_stands = own.is_of_moving;
   }
   if (config) expected.r = config->r, expected.markov_variance = config->markov_variance;
   const std::vector<FitRun> before = *runs;
-  take_health(check_through_gate(&expected, config, options.shared_turn_on, runs), axis);
+  const imucal_health_t health = check_through_gate(&expected, config, options.shared_turn_on, runs);
+  take_health(health, axis);
+  if (noise.markov.size() > 1)
+    judge_by_expected(expected_innovations(*config, noise, dt_s), static_cast<long>(health.n_innovations), axis);
   if (!judges_stands) forget_rule(IMUCAL_HEALTH_TEMP_STUCK, axis);
   judge_ramp_by_time(*runs, expected, dt_s, axis);
   name_what_is_not_judged(has_model, axis);
@@ -423,6 +442,7 @@ ChebyshevFit fit_polynomial(const std::vector<FitRun>& runs, const FitOptions& o
   ChebyshevFit fit =
       fit_polynomial_qr(runs, options.order, axis->t0_degc, axis->range_degc, belief, dt_s, options.shared_turn_on);
   fit.sigma_basis = model ? "model" : "residuals";
+  if (!model) axis->expected_residual_dph = fit.expected_residual_dph;
   return fit;
 }
 
@@ -473,6 +493,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   check_units(options, axis.axis, result);
   axis.order = options.order;
   std::vector<FitRun> runs = runs_of(logs, name, options, dt_s);
+  axis.repeated_frac = repeated_frac(runs);
   imucal_health_config_t expected{};
   // Rows further apart than a second may lie further apart in temperature.
   expected.temp_step_degc =
@@ -491,6 +512,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   take_fit(fit, &axis);
   take_residuals(runs, &axis);
   if (!model) note_shape(logs, runs, axis, result);
+  if (is_beyond_own_noise(axis)) axis.error_factor = axis.residual_rms_dph / axis.expected_residual_dph;
   take_renewal(logs, &axis, result);
   if (fit.n_refused > 0)
     result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) +

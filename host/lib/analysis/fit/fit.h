@@ -6,7 +6,8 @@
 //   kPolynomial  least squares on scaled variables (Chebyshev polynomials) by Householder QR with column pivoting.
 //                Without a model the noise is what the residuals show (residual_noise.h).  On 8400-s tests of the paper's model
 //                its predicted error holds the true one in 72 % (one sigma) and 96 % (two); of slow noise of 400 s in
-//                76 and 96 %, of 1000 s in 59 and 88 % (test_fit.cpp): a record must be long against its slow noise.
+//                79 and 97 %, of 1000 s in 60 and 89 %; of 40 dph over 3 s beside 20 dph over 100 s in 73 and 96 %, over 300 s in
+//                78 and 97 % (test_fit.cpp, test_fit_noise.cpp): a record must be long against its slow noise.
 //
 // Several logs are runs of one device with power cycles between.  Each has its own turn-on constant (unless
 // shared_turn_on): rate = b0 + a_l + sum_{i>=1} b_i Tn^i + noise in log l, with sum_l a_l = 0; b0 is the mean.
@@ -73,10 +74,12 @@ struct FitAxis {
   std::optional<NoiseModel> residual_noise;  // the likeliest by the residuals, where sigma rests on them
   std::vector<double> turn_on_dph;           // a_l, one per log, mean 0; empty for one log or shared_turn_on
   double residual_rms_dph = 0;               // rate - B(T) - a_l over all seconds used
-  double dt_s = 1;                           // step of the rows that n_used and n_missing count
+  double expected_residual_dph = 0; // of residual_noise, what it leaves beside the polynomial; 0: a model was given
+  double dt_s = 1;                  // step of the rows that n_used and n_missing count
   long n_used = 0, n_missing = 0;   // seconds used; flagged, empty, refused or missing between the first and last
   Renewal renewal;                  // of the thermometer, where a log's quantum is known and it is renewed seldom
   double renewal_cost_dph = 0;      // what its delay may have cost
+  double repeated_frac = 0;         // of the seconds, those that repeat the one before beyond chance (base/repeats.h)
   double lossy_frac = 0;            // of the seconds used, those in which samples are missing
   double mean_nis = 0, lag1 = 0;    // kKalman: innovation statistics (1 and 0 with a right model)
   imucal_health_verdict_t health{}; // the core's rules; those that compare with a model only where one was given
@@ -108,7 +111,9 @@ struct FitResult {
 };
 
 // Names of all rules: those of the core, and over a whole log
-//   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance
+//   repeated      also: rows that repeat the one before, more than by chance (sample and hold; base/repeats.h)
+//   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance; without a model over what
+//                 the noise makes that the residuals themselves show: 1.5 in variance
 //   temp-held     the thermometer is renewed so seldom that the delay may have cost more than the predicted error (renewal.h)
 //   measurements  an axis with less than 90 % of the seconds of the best one
 //   error         worst predicted error above max_error_dph

@@ -8,6 +8,7 @@
 #include "analysis/fit/parts.h"
 #include "base/error.h"
 #include "base/format.h"
+#include "base/repeats.h"
 #include "base/suggest.h"
 #include "base/units.h"
 #include "learn.h"
@@ -16,9 +17,10 @@ namespace imucal {
 
 namespace {
 
-constexpr double kMaxResidualVariance = 1.5; // of what the model predicts, beyond its own scatter
-constexpr double kMinMeasurements = 0.9;     // of the best axis' seconds
-constexpr double kManyLossy = 0.1;           // of the seconds: more noise than the model's may be their doing
+constexpr double kMaxResidualVariance = 1.5;    // of what the model predicts, beyond its own scatter
+constexpr double kMaxOwnResidualVariance = 1.5; // of what the noise makes that the residuals themselves show
+constexpr double kMinMeasurements = 0.9;        // of the best axis' seconds
+constexpr double kManyLossy = 0.1;              // of the seconds: more noise than the model's may be their doing
 
 // A second that the filter refuses stays: fit_kalman counts it.
 bool is_left_out_by(imucal_learn_outcome_t outcome) {
@@ -131,6 +133,18 @@ void judge_residual(const ErrorModel& model, double dt_s, const FitAxis& axis, s
                                               : "the polynomial misses something, or the model does")});
 }
 
+// Without a model.
+void judge_own_residual(const FitAxis& axis, std::vector<FitReason>* reasons) {
+  if (!is_beyond_own_noise(axis)) return;
+  const double worst = axis.worst_sigma_dph(), noise = axis.expected_residual_dph;
+  reasons->push_back({axis.axis, "residual", axis.residual_rms_dph, std::sqrt(kMaxOwnResidualVariance) * noise,
+                      "residual " + number(axis.residual_rms_dph) + " rms, but the noise that it shows makes " +
+                          number(noise) + ": the polynomial misses something, and the predicted error is about " +
+                          number(axis.error_factor) + " times too small (" + number(worst) + " claimed, " +
+                          number(worst * axis.error_factor) +
+                          " by what was seen); imucal diagnose tells what it may be"});
+}
+
 void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_s, const FitAxis& axis, long best_n,
                 std::vector<FitReason>* reasons) {
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) {
@@ -138,7 +152,11 @@ void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_
       reasons->push_back({axis.axis, imucal_health_rule_name(rule), static_cast<double>(axis.health.value[rule]),
                           static_cast<double>(axis.health.limit[rule]), text_of(rule, axis)});
   }
+  if (axis.repeated_frac > kMostRepeatedShare && !(axis.health.bits >> IMUCAL_HEALTH_REPEATED & 1U))
+    reasons->push_back({axis.axis, imucal_health_rule_name(IMUCAL_HEALTH_REPEATED), axis.repeated_frac,
+                        kMostRepeatedShare, repeated_text(axis.repeated_frac, dt_s)});
   if (model) judge_residual(*model, dt_s, axis, reasons);
+  judge_own_residual(axis, reasons);
   const double part = static_cast<double>(axis.n_used) / static_cast<double>(best_n);
   if (part < kMinMeasurements)
     reasons->push_back(
@@ -176,6 +194,11 @@ Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_confi
   }
   checked.has_span = imucal_health_span(&checked.health, &checked.lo_degc, &checked.hi_degc);
   return checked;
+}
+
+bool is_beyond_own_noise(const FitAxis& axis) {
+  const double noise = axis.expected_residual_dph; // 0: a model was given
+  return noise > 0 && axis.residual_rms_dph * axis.residual_rms_dph > kMaxOwnResidualVariance * noise * noise;
 }
 
 double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s) {
@@ -222,6 +245,26 @@ static void mark_accepted(const std::vector<std::string>& accept, std::vector<Fi
 
 bool is_accepted(const std::vector<FitReason>& reasons) {
   return std::all_of(reasons.begin(), reasons.end(), [](const FitReason& r) { return r.is_accepted; });
+}
+
+std::vector<TableNote> table_notes(const std::vector<FitReason>& reasons,
+                                   const std::map<std::string, double>& error_factor) {
+  std::vector<TableNote> notes;
+  for (const auto& [axis, factor] : error_factor) {
+    TableNote note{axis, {}, factor};
+    for (const FitReason& reason : reasons)
+      if (reason.is_accepted && reason.axis == axis &&
+          std::find(note.accepted.begin(), note.accepted.end(), reason.rule) == note.accepted.end())
+        note.accepted.push_back(reason.rule);
+    if (!note.accepted.empty()) notes.push_back(note);
+  }
+  return notes;
+}
+
+std::vector<TableNote> table_notes(const FitResult& result) {
+  std::map<std::string, double> error_factor;
+  for (const FitAxis& axis : result.axes) error_factor[axis.axis] = axis.error_factor;
+  return table_notes(result.reasons, error_factor);
 }
 
 bool FitResult::is_accepted() const {

@@ -26,7 +26,8 @@ struct ChebyshevFit {
   std::string sigma_basis;
   double mean_nis = 0, lag1 = 0;
   long n_refused = 0;
-  std::vector<double> core_coeff; // kKalman, one log: b_i as the core gives them
+  double expected_residual_dph = 0; // kPolynomial: rms of what the noise leaves beside the polynomial
+  std::vector<double> core_coeff;   // kKalman, one log: b_i as the core gives them
 };
 
 // What the core's rules say of the runs of one axis.  As on the device, every second goes through
@@ -45,6 +46,10 @@ double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s);
 
 // Smallest step between neighbouring readings: the thermometer's quantum or finer.
 double temperature_step(const std::vector<FitRun>& runs);
+
+// Without a model: the residual is more than the noise that it shows can make.  What is no noise, a loop of hysteresis or a slow wave,
+// leaves steps from second to second that are too small for its size.
+bool is_beyond_own_noise(const FitAxis& axis);
 
 // Turns verdicts into reasons: the core's rules of each axis, then those over whole logs.
 void judge_fit(const FitOptions& options, double dt_s, FitResult* result);

@@ -100,11 +100,24 @@ Eigen::MatrixXd projected_noise(const Eigen::MatrixXd& q, const Design& d, const
   return q.transpose() * cq;
 }
 
-Eigen::MatrixXd projected_noise(const PivotedQr& qr, const Design& d, const NoiseBelief& belief, double dt_s) {
+// Q' C Q and the mean square that the noise leaves beside the columns, (tr C - tr Q' C Q)/n, as it is believed.
+struct Projected {
+  Eigen::MatrixXd noise;
+  double residual_dph2 = 0;
+};
+
+Projected project(const PivotedQr& qr, const Design& d, const NoiseBelief& belief, double dt_s) {
   const Eigen::MatrixXd q = qr.q();
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(q.cols(), q.cols());
-  for (size_t i = 0; i < belief.noise.size(); ++i)
-    sum += belief.weight[i] * projected_noise(q, d, belief.noise[i], dt_s);
+  Projected sum{Eigen::MatrixXd::Zero(q.cols(), q.cols())};
+  double of_rows = 0;
+  for (size_t i = 0; i < belief.noise.size(); ++i) {
+    const NoiseModel& noise = belief.noise[i];
+    sum.noise += belief.weight[i] * projected_noise(q, d, noise, dt_s);
+    double row = noise.white_sigma_dph * noise.white_sigma_dph / dt_s;
+    for (const Markov& m : noise.markov) row += m.sigma_dph * m.sigma_dph;
+    of_rows += belief.weight[i] * row;
+  }
+  sum.residual_dph2 = std::max(0.0, of_rows - sum.noise.trace() / static_cast<double>(q.rows()));
   return sum;
 }
 
@@ -169,7 +182,9 @@ ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, doubl
   const Eigen::MatrixXd to_mean = mean_of_constants(design.n_constants, order);
   ChebyshevFit fit;
   fit.coeff = to_mean * x;
-  fit.covariance = to_mean * covariance_of(qr, projected_noise(qr, design, belief, dt_s)) * to_mean.transpose();
+  const Projected projected = project(qr, design, belief, dt_s);
+  fit.covariance = to_mean * covariance_of(qr, projected.noise) * to_mean.transpose();
+  fit.expected_residual_dph = std::sqrt(projected.residual_dph2);
   for (Eigen::Index l = 0; l < design.n_constants; ++l) fit.constant.push_back(x[l]);
   return fit;
 }
