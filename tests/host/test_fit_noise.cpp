@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// fit: noise of more than one Markov term.  Without a model the predicted error sees the slow one behind the fast one; with a model
+// fit: noise of more than one Markov term.  Without a model the predicted error sees the slow one behind the fast one; with one
 // the merged filter's innovations are judged by what the whole model makes of them; a residual that is no noise is refused.
 #include <algorithm>
 #include <cmath>
@@ -87,8 +87,8 @@ const FitReason* reason_of(const FitResult& result, const std::string& rule) {
   return nullptr;
 }
 
-// 25 tests, 9 temperatures that share their errors (about 3 of them independent): rms of error/sigma 1 +- 0.08, two sigma 95 +- 2.5 %.
-// One Markov term alone has 2.3 and 62 %, 4.0 and 38 %.
+// 25 tests, 9 temperatures that share their errors (about 3 of them independent): rms of error/sigma 1 +- 0.08, two sigma
+// 95 +- 2.5 %.  One Markov term alone has 2.3 and 62 %, 4.0 and 38 %.
 void test_slow_noise_is_seen_behind_fast_noise(void**) {
   for (const double tau_s : {100.0, 300.0}) {
     ErrorModel model = kTwoTerms;

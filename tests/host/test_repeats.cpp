@@ -22,8 +22,8 @@ using namespace imucal;
 
 namespace {
 
-// Healthy kinds, of white noise of one: 0 nothing else, 1 Markov, 2 telegraph, 3 bursts, 4 a ramp, 5 knocks, 6 a level that changes,
-// 7 Student's t of 3 degrees.
+// Healthy kinds, of white noise of one: 0 nothing else, 1 Markov, 2 telegraph, 3 bursts, 4 a ramp, 5 knocks, 6 a level that
+// changes, 7 Student's t of 3 degrees.
 constexpr int kKinds = 8;
 
 std::vector<double> record_of(int kind, uint64_t run, size_t n) {
@@ -91,6 +91,17 @@ void test_held_records_are_told(void**) {
       }
 }
 
+// A ramp without noise, in counts of 18 and means of ten samples: a staircase, not a sensor that is seldom read.
+void test_staircase_of_a_ramp_is_not_held(void**) {
+  std::vector<double> values;
+  for (int k = 0; k < 600; ++k) {
+    double sum = 0;
+    for (int i = 0; i < 10; ++i) sum += 1.8 * std::round((100 + k + 0.1 * i) / 18);
+    values.push_back(sum);
+  }
+  assert_true(repeated_share(values) == 0);
+}
+
 // Missing rows compare with nothing; a record without 16 changes tells nothing.
 void test_gaps_and_short_records(void**) {
   std::vector<double> values = held(record_of(0, 1, 2000), 2);
@@ -108,6 +119,7 @@ int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_healthy_records_are_not_held),
       cmocka_unit_test(test_held_records_are_told),
+      cmocka_unit_test(test_staircase_of_a_ramp_is_not_held),
       cmocka_unit_test(test_gaps_and_short_records),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

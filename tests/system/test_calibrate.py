@@ -107,6 +107,27 @@ def test_run_ends_when_the_error_asked_for_is_reached(imu):
     assert max(axis["worst_sigma"] for axis in result["axes"]) <= 60.5
 
 
+def test_run_two_markov_terms_are_judged_by_the_whole_model(imu):
+    """A sensor that is as its model says is flashed, though the filter has one state; one whose fast noise is twice as large is not."""
+    two = {**MODEL, "arw_deg_rt_h": 0.2, "markov": [{"sigma_dph": 40, "tau_s": 3}, {"sigma_dph": 20, "tau_s": 100}]}
+    imu.sense(BASIC, model=two)
+    result = imu.run("--profile", "profile.json")
+    assert result["flashed"] and not result["judgement"]["reasons"]
+    assert all(axis["error_factor"] < 1.5 and axis["mean_nis"] > 2 for axis in result["axes"])
+    loud = {**two, "markov": [{"sigma_dph": 80, "tau_s": 3}, two["markov"][1]]}
+    imu.power_off()
+    imu.power_on()
+    imu.sense(BASIC, model=loud)
+    (imu.folder / "two.json").write_text(json.dumps(two))
+    status, _, err = imu.calibrate("--json", "r.json", "run", "--order", 3, "--model", "two.json", "--profile", "profile.json",
+                                   "--accept", "nis", "--accept", "rejects", "--accept", "residual", "--accept", "lag1", "-o", "t.json")
+    assert status == 0 and "times the variance that the model predicts" in err
+    axis = imu.json("t.json")["axes"][0]
+    assert "nis" in axis["accepted"] and axis["error_factor"] > 1.5
+    status, out, err = imu.calibrate("flash", "t.json")
+    assert status == 0 and "gx_dph was accepted although rules spoke against it" in out
+
+
 def test_run_error_not_reached_is_a_negative_answer_with_a_table(imu):
     imu.sense(QUICK)
     status, out, _ = imu.calibrate("run", "--order", 3, "--model", "model.json", "--until-error", "1", "-o", "t.json")

@@ -13,6 +13,7 @@ namespace {
 
 constexpr size_t kChanges = 64, kLeastChanges = 16;
 constexpr double kQuantumAt = 0.05;     // quantile of the changes
+constexpr double kLeastTurns = 0.25;    // of the changes; those of noise turn two times in three, of a walk one in two
 constexpr double kFineChance = 0.06;    // what that quantile makes of values that are not rounded
 constexpr double kMostOneQuantum = 0.8; // share of the changes
 constexpr double kFinest = 64;          // quanta: there P(0) is below 1 %
@@ -43,26 +44,40 @@ double chance_of_equal(double one_quantum) {
 std::vector<double> steps_of(const std::vector<double>& values) {
   std::vector<double> steps;
   for (size_t k = 1; k < values.size(); ++k)
-    if (const double step = std::abs(values[k] - values[k - 1]); std::isfinite(step)) steps.push_back(step);
+    if (const double step = values[k] - values[k - 1]; std::isfinite(step)) steps.push_back(step);
   return steps;
 }
 
 double quantum_of(const std::vector<double>& steps) {
   std::vector<double> changes;
   for (const double step : steps)
-    if (step > 0) changes.push_back(step);
+    if (step != 0) changes.push_back(std::abs(step));
   if (changes.size() < kLeastChanges) return 0;
   const auto at = changes.begin() + static_cast<long>(kQuantumAt * static_cast<double>(changes.size()));
   std::nth_element(changes.begin(), at, changes.end());
   return *at;
 }
 
-// Beyond chance, of one stretch.
-double excess(double n, double n_changes, double n_one_quantum) {
-  const double one_quantum = n_one_quantum / n_changes;
-  if (one_quantum > kMostOneQuantum) return 0;
-  return std::max(0.0, 1 - n_changes / n - chance_of_equal(one_quantum));
-}
+struct Stretch {
+  size_t n = 0, n_changes = 0, n_one_quantum = 0, n_turns = 0; // turns: changes against the one before
+  double last = 0;
+
+  void take(double step, double quantum) {
+    ++n;
+    if (step == 0) return;
+    ++n_changes;
+    n_one_quantum += std::abs(step) < 1.5 * quantum;
+    n_turns += step * last < 0;
+    last = step;
+  }
+  // Beyond chance.
+  double excess() const {
+    const auto changes = static_cast<double>(n_changes);
+    const double one_quantum = static_cast<double>(n_one_quantum) / changes;
+    if (one_quantum > kMostOneQuantum || static_cast<double>(n_turns) < kLeastTurns * changes) return 0;
+    return std::max(0.0, 1 - changes / static_cast<double>(n) - chance_of_equal(one_quantum));
+  }
+};
 
 } // namespace
 
@@ -80,18 +95,14 @@ double repeated_share(const std::vector<double>& values) {
   const double quantum = quantum_of(steps);
   if (!(quantum > 0)) return 0;
   std::vector<double> excesses;
-  size_t n = 0, n_changes = 0, n_one = 0;
+  Stretch stretch;
   for (const double step : steps) {
-    ++n;
-    n_changes += step > 0;
-    n_one += step > 0 && step < 1.5 * quantum;
-    if (n_changes < kChanges) continue;
-    excesses.push_back(excess(static_cast<double>(n), static_cast<double>(n_changes), static_cast<double>(n_one)));
-    n = n_changes = n_one = 0;
+    stretch.take(step, quantum);
+    if (stretch.n_changes < kChanges) continue;
+    excesses.push_back(stretch.excess());
+    stretch = {};
   }
-  if (excesses.empty())
-    return excess(static_cast<double>(n), static_cast<double>(n_changes), static_cast<double>(n_one));
-  return median(excesses);
+  return excesses.empty() ? stretch.excess() : median(excesses);
 }
 
 } // namespace imucal

@@ -6,8 +6,8 @@
 //                 "scale_coeff": [m0 …], "span_degc": [lo, hi], "temp_degc": [9 temperatures], "sigma_dph":
 //                 [9], "model": {"arw_deg_rt_h": …, "markov": [{"sigma_dph": …, "tau_s": …}]},
 //                 "dph_per_count": …, "full_scale_counts": …, "n_seconds": … } ] }
-// An axis that was made although rules spoke against it (--accept) also has "accepted": [their names] and "error_factor": how many
-// times sigma is too small by what was seen, 1 or more (TableNote).  The binary has no room for them: the device does not know.
+// An axis that was made although rules spoke against it (--accept) also has "accepted": [their names] and "error_factor": how
+// many times sigma is too small by what was seen, 1 or more (TableNote).  The binary has no room for them.
 // A channel in mg (ax_mg) has coeff_mg, sigma_mg, mg_per_count.  Numbers are written with the fewest digits
 // that give the same float32 back, so that JSON -> binary -> JSON changes nothing.
 #pragma once

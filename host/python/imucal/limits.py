@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Does a calibration table keep the limits that a production line sets?  What is judged is the table alone: its span, its
-predicted error (times the factor by which its maker saw it too small), and the size and slope of its bias inside the span.  A finding is an
-answer, not an error."""
+predicted error (times the factor by which its maker saw it too small), and the size and slope of its bias inside the span.
+A finding is an answer, not an error."""
 import numpy as np
 
 from .strict import read_json

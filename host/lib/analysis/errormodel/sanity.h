@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Are the data of a fit those of a healthy sensor?  No model is to be made of a sick one in silence.
 //
-//   repeated     more than 40 seconds in a row have the same value (as common/health.h has it: chance 0.52^40), or rows repeat the
-//                one before more often than by chance (sample and hold; base/repeats.h)
+//   repeated     more than 40 seconds in a row have the same value (as common/health.h has it: chance 0.52^40), or rows repeat
+//                the one before more often than by chance (sample and hold; base/repeats.h)
 //   outliers     the mean square, which the fit takes, is more than 1.25 times that of the 95.4th percentile (dp's ratio), beyond
 //                4 of its standard deviations: the tolerance and the probability of common/health.h
 //   temp-jump, temp-spikes  as in common/health.h: a thermometer that jumps, or a column that is no temperature

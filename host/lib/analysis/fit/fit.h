@@ -112,8 +112,8 @@ struct FitResult {
 
 // Names of all rules: those of the core, and over a whole log
 //   repeated      also: rows that repeat the one before, more than by chance (sample and hold; base/repeats.h)
-//   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance; without a model over what
-//                 the noise makes that the residuals themselves show: 1.5 in variance
+//   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance; without a
+//                 model over what the noise makes that the residuals themselves show: 1.5 in variance
 //   temp-held     the thermometer is renewed so seldom that the delay may have cost more than the predicted error (renewal.h)
 //   measurements  an axis with less than 90 % of the seconds of the best one
 //   error         worst predicted error above max_error_dph

@@ -19,7 +19,8 @@ struct JudgeOptions {
 // Reasons against the axes: the core's rules of each (FitAxis::health, error_factor), then residual, temp-held, measurements
 // and error.
 // models: one per axis, null where none is known (then the residual is judged by its own noise, where that is known).
-// Read of an axis: axis, health, error_factor, sigma_dph, residual_rms_dph, expected_residual_dph, repeated_frac, n_used, lossy_frac, renewal,
+// Read of an axis: axis, health, error_factor, sigma_dph, residual_rms_dph, expected_residual_dph,
+// repeated_frac, n_used, lossy_frac, renewal,
 // renewal_cost_dph.
 std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::vector<const ErrorModel*>& models,
                                   double dt_s, const JudgeOptions& options);

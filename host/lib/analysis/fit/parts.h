@@ -47,8 +47,8 @@ double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s);
 // Smallest step between neighbouring readings: the thermometer's quantum or finer.
 double temperature_step(const std::vector<FitRun>& runs);
 
-// Without a model: the residual is more than the noise that it shows can make.  What is no noise, a loop of hysteresis or a slow wave,
-// leaves steps from second to second that are too small for its size.
+// Without a model: the residual is more than the noise that it shows can make.  What is no noise, a loop of hysteresis or a
+// slow wave, leaves steps from second to second that are too small for its size.
 bool is_beyond_own_noise(const FitAxis& axis);
 
 // Turns verdicts into reasons: the core's rules of each axis, then those over whole logs.

@@ -194,12 +194,12 @@ std::vector<Point> points_beside(const Restricted& likelihood, const std::vector
   return weighty_points(likelihood, known, box_of(points, known.size(), kStep), kStep / 4);
 }
 
-// The logarithm of what the prior adds up to over a grid.
-double log_prior_of_grid(const Box& box, double step) {
+// What the prior adds up to over a grid.
+double prior_of_grid(const Box& box, double step) {
   double sum = 0;
   for (double log_tau = box.lo_tau; log_tau <= box.hi_tau; log_tau += step)
     for (double log_g = box.lo_g; log_g <= box.hi_g; log_g += step) sum += std::exp(-0.5 * prior_of({log_g, log_tau}));
-  return std::log(sum);
+  return sum;
 }
 
 // One process more, slower than all of the likeliest point: as likely beforehand as none.  It alone joins the belief, with the
@@ -207,12 +207,14 @@ double log_prior_of_grid(const Box& box, double step) {
 void add_unseen(const Restricted& likelihood, Box box, const std::vector<Term>& known, NoiseBelief* belief) {
   if (known.empty()) return;
   box.lo_tau = known.back().log_tau + kStep;
-  const double none = likelihood.at(known).deviance, log_prior = log_prior_of_grid(box, kStep);
+  const double prior = prior_of_grid(box, kStep);
+  if (!(prior > 0)) return; // nothing slower would be seen
+  const double none = likelihood.at(known).deviance;
   std::vector<double> odds; // against none
   double sum = 1;
   const std::vector<Point> points = weighty_points(likelihood, known, box, kStep);
   for (const Point& point : points) {
-    odds.push_back(point.terms.size() == known.size() ? 0 : std::exp(-0.5 * (point.deviance - none) - log_prior));
+    odds.push_back(point.terms.size() == known.size() ? 0 : std::exp(-0.5 * (point.deviance - none)) / prior);
     sum += odds.back();
   }
   for (size_t i = 0; i < points.size(); ++i) {
