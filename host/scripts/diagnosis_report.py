@@ -28,7 +28,7 @@ from imucal.diagnosis_words import (Library, chip, gap_sentence, has_curve, has_
                                     unit_of, where_sentence)
 from imucal.errors import DataError  # noqa: E402
 from imucal.inputs import plain_file  # noqa: E402
-from imucal.log import metadata_of, write_text  # noqa: E402
+from imucal.log import keep_input, metadata_of, write_text  # noqa: E402
 from imucal.plot import diagnosis as draw  # noqa: E402
 from imucal.plot import record as draw_of_record  # noqa: E402
 
@@ -403,6 +403,7 @@ def main(argv=None):
     parser.add_argument("-o", "--output", required=True, help="page to write")
     args = parser.parse_args(argv)
     try:
+        keep_input(args.diagnosis, args.output)
         write_text(args.output, page(load(args.diagnosis), "standard input" if args.diagnosis == "-" else args.diagnosis))
     except (BadInput, DataError) as problem:
         print(f"diagnosis_report: {problem}", file=sys.stderr)

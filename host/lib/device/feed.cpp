@@ -17,6 +17,7 @@
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "io/output.h"
 #include "sample.h"
 
 namespace imucal {
@@ -92,6 +93,7 @@ int accept_one(const std::string& to, const std::string& service) {
 }
 
 int open_file(const std::string& to) {
+  refuse_protected(to);
   const int fd = ::open(to.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (fd < 0 && errno == EINTR) throw cannot(to, "interrupted while waiting for the device to open the pipe");
   if (fd < 0) throw cannot(to, std::strerror(errno));

@@ -65,6 +65,7 @@ double free_bytes(const std::string& path) {
 
 void require_writable(const std::string& path) {
   if (path.empty() || path == "-") return;
+  refuse_protected(path);
   struct stat info {};
   const bool exists = ::stat(path.c_str(), &info) == 0;
   if (exists && S_ISDIR(info.st_mode)) throw data_error(path + ": is a folder; name a file");
@@ -84,6 +85,7 @@ void require_writable(const std::string& path) {
 LogRecorder::LogRecorder(const std::string& path, const Device& device, What what, bool may_overwrite)
     : path_(path), what_(what), n_channels_(device.channels().size()) {
   if (path_.empty()) return;
+  for (const std::string& name : {path_, path_ + ".part"}) refuse_protected(name);
   if (!may_overwrite) {
     refuse_existing(path_);
     if (is_there(path_ + ".part"))
@@ -125,7 +127,10 @@ void LogRecorder::write_scales(const Device& device) {
 LogRecorder::~LogRecorder() {
   if (!out_.is_open()) return;
   out_.close();
-  (void)rename(); // where it fails the .part stays
+  if (rows_ == 0)
+    std::remove((path_ + ".part").c_str()); // it never began, and a log that is there is worth more
+  else
+    (void)rename(); // where it fails the .part stays
 }
 
 void LogRecorder::add(const SecondRecord& second) {
@@ -145,7 +150,9 @@ void LogRecorder::add(const SecondRecord& second) {
 }
 
 bool LogRecorder::rename() {
-  return std::rename((path_ + ".part").c_str(), path_.c_str()) == 0;
+  if (std::rename((path_ + ".part").c_str(), path_.c_str()) != 0) return false;
+  protect_from_writing(path_); // from the results of the same command
+  return true;
 }
 
 void LogRecorder::close() {
@@ -170,9 +177,11 @@ size_t recover_log(const std::string& part_path, const std::string& output, bool
   const size_t rows_at = header == std::string::npos ? header : text.find('\n', header);
   if (rows_at == std::string::npos || rows_at + 1 == text.size())
     throw data_error(part_path + ": holds no whole row: nothing to recover");
+  const size_t rows = read_log(part_path).size(); // before a log that is there is given up for it
   write_text(output, text);
-  const size_t rows = read_log(output).size();
-  std::remove(part_path.c_str());
+  protect_from_writing(output);
+  struct stat written {};
+  if (::stat(output.c_str(), &written) == 0 && S_ISREG(written.st_mode)) std::remove(part_path.c_str());
   return rows;
 }
 

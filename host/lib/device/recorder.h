@@ -18,7 +18,7 @@ public:
   // path empty: records nothing.  data_error: the file cannot be written, or there is less than 1 MB of room; it, or a .part
   // of it, is there and may_overwrite is false.
   LogRecorder(const std::string& path, const Device& device, What what, bool may_overwrite = false);
-  ~LogRecorder(); // keeps what was recorded
+  ~LogRecorder(); // keeps what was recorded; of no row no file
   LogRecorder(const LogRecorder&) = delete;
   LogRecorder& operator=(const LogRecorder&) = delete;
 
@@ -45,7 +45,8 @@ private:
 void require_writable(const std::string& path);
 
 // A recording that was cut off (NAME.part) as a log: the whole rows of it, under `output`.  Returns how many; data_error:
-// no .part, not one whole row, `output` is there and may_overwrite is false.  The .part is removed when all is written.
+// no .part, not one whole row, rows that are no log, `output` is the .part itself, or is there and may_overwrite is false.  The
+// .part is removed when all is written to a file.
 size_t recover_log(const std::string& part_path, const std::string& output, bool may_overwrite);
 
 } // namespace imucal

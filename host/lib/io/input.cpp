@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "io/output.h"
 
 namespace imucal {
 
@@ -41,6 +42,7 @@ Input::Input(const std::string& path) : path_(path), handle_(std::make_unique<Ha
   const int copy = path == "-" ? ::dup(STDIN_FILENO) : -1;
   handle_->file = path == "-" ? (copy < 0 ? nullptr : gzdopen(copy, "rb")) : gzopen(path.c_str(), "rb");
   if (handle_->file == nullptr) throw data_error(input_name(path) + ": cannot open: " + std::strerror(errno));
+  protect_from_writing(path);
   gzbuffer(handle_->file, 1U << 16); // reads of twice as much go past it
   if (path != "-" && S_ISREG(info.st_mode)) handle_->size = static_cast<size_t>(info.st_size);
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Bytes of an input file: plain or gzip (whatever its name), "-" is standard input.
+// Bytes of an input file: plain or gzip (whatever its name), "-" is standard input.  No result is written over a file that was
+// opened here (io/output.h).
 #pragma once
 #include <cstddef>
 #include <memory>

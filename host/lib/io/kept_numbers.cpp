@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "io/kept_numbers.h"
 
+#include <cstdio>
+
 #include "base/error.h"
 #include "io/json_file.h"
 
@@ -19,6 +21,7 @@ std::optional<std::vector<double>> read_kept_numbers(const std::string& path, co
 }
 
 void write_kept_numbers(const std::string& path, const std::string& key, const std::vector<double>& numbers) {
+  (void)std::remove(path.c_str()); // one that was read and holds something else would be protected
   write_json(path, {{"imucal_nulls", kKeptVersion}, {"key", key}, {"gains", numbers}});
 }
 

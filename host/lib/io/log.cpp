@@ -281,10 +281,7 @@ void check_value(const LineReader& in, const Column& column, double value) {
 // The rows of a log after its header, each checked.
 class RowReader {
 public:
-  explicit RowReader(const std::string& path) : in_(path) {
-    header_.path = path == "-" ? path : input_name(path);
-    protect_from_writing(path);
-  }
+  explicit RowReader(const std::string& path) : in_(path) { header_.path = path == "-" ? path : input_name(path); }
 
   // Reads up to the header line and with it.
   void read_header() {

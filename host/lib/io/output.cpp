@@ -86,10 +86,30 @@ void write_stream(const std::string& path, const std::function<void(std::ostream
   if (::stat(path.c_str(), &existing) != 0) return write_aside(path, write);
   if (S_ISDIR(existing.st_mode)) cannot_write(path, "it is a folder");
   if (!S_ISREG(existing.st_mode)) return write_in_place(path, write);
-  if (is_protected(existing)) cannot_write(path, "it is the log that was read; give another name");
+  refuse_protected(path);
   std::error_code unresolved;
   const std::filesystem::path target = std::filesystem::canonical(path, unresolved);
   write_aside(unresolved ? path : target.string(), write);
+}
+
+void refuse_protected(const std::string& path) {
+  struct stat existing {};
+  if (path != "-" && ::stat(path.c_str(), &existing) == 0 && is_protected(existing))
+    cannot_write(path, "it is a file that was read; give another name");
+}
+
+bool is_same_file(const std::string& a, const std::string& b) {
+  if (a == "-" || b == "-") return false;
+  struct stat left {
+  }, right{};
+  const bool has_left = ::stat(a.c_str(), &left) == 0, has_right = ::stat(b.c_str(), &right) == 0;
+  if (has_left != has_right) return false;
+  if (has_left) return S_ISREG(left.st_mode) && left.st_dev == right.st_dev && left.st_ino == right.st_ino;
+  std::error_code unknown;
+  const auto whole = [&unknown](const std::string& path) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(path, unknown), unknown);
+  };
+  return whole(a) == whole(b);
 }
 
 void protect_from_writing(const std::string& path) {

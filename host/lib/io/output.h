@@ -13,7 +13,13 @@ void write_text(const std::string& path, const std::string& text);
 // For writers that stream: `write` gets the sink.
 void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write);
 
-// From now on the file at `path`, by whatever name, is not written: data_error.  A record cannot be had again.
+// From now on the file at `path`, by whatever name, is not written: data_error.  io/input.h does so with every file that it
+// opens: what was read may be the only copy of a record, and a result is no reason to lose it.
 void protect_from_writing(const std::string& path);
+// data_error where `path` is such a file: for those who write otherwise than by this room.
+void refuse_protected(const std::string& path);
+
+// Two names of one file, as it is there or as it would be written.  Standard output, devices and pipes are no such files.
+bool is_same_file(const std::string& a, const std::string& b);
 
 } // namespace imucal

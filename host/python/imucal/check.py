@@ -10,7 +10,7 @@ from .cli import common_options, finish_json, parser_of
 from .errors import DataError, DataWarning
 from .inputs import not_utf8, plain_file
 from .limits import judge
-from .log import other_step_s, read_log
+from .log import keep_input, other_step_s, read_log
 from .strict import line_of, parse, positions, refusal
 
 KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
@@ -179,6 +179,8 @@ def run(arguments):
     common_options(parser)
     given = parser.parse_args(arguments)
     results = []
+    for path in [*given.files, given.limits or ""]:
+        keep_input(path, given.json)
     if given.limits:
         _need_limits(given.limits)
     for path in given.files:

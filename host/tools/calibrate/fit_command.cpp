@@ -153,7 +153,7 @@ void add_fit_options(cli::App* app, FitArguments* a) {
   app->add_flag("--ignore-metadata", a->options.ignore_metadata,
                 "fit logs of different devices or serial numbers together");
   app->add_option("--serial", a->table.serial, "device serial for the table (default: the first log's)");
-  app->add_option("-o,--output", a->table_path, "write the table")->type_name("TABLE.json");
+  app->add_option("-o,--output", a->table_path, "write the table")->writes()->type_name("TABLE.json");
 }
 
 namespace {

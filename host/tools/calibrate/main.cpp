@@ -78,11 +78,13 @@ void add_run(cli::App* app, RunArguments* o) {
       ->type_name("ERROR");
   app->add_flag("--keep-partial", o->run.keep_partial, "Ctrl-C: flash what was learnt so far (default: nothing)");
   add_prior_sigma(app, &o->run.prior_sigma, "what is known of a coefficient beforehand");
-  app->add_option("--record", o->run.record_path, "write the raw 1-s means as a log")->type_name("LOG.csv");
+  app->add_option("--record", o->run.record_path, "write the raw 1-s means as a log")->writes()->type_name("LOG.csv");
   app->add_option("--record-compensated", o->run.record_compensated_path, "write the compensated 1-s means as a log")
+      ->writes()
       ->type_name("LOG.csv");
   app->add_flag("--force", o->run.may_overwrite, "write over logs that are there");
   app->add_option("-o,--output", o->table_path, "write the table as flashed (also where the flash fails)")
+      ->writes()
       ->type_name("TABLE.json");
 }
 
@@ -117,13 +119,18 @@ void add_recordings(cli::App* app, Arguments* a, Commands* c) {
         ->check(FinitePositive);
     add_stall(sub, &a->watch.stall_s);
   }
-  c->record->add_option("-o,--output", a->watch.raw_path, "log of the raw means")->required()->type_name("LOG.csv");
+  c->record->add_option("-o,--output", a->watch.raw_path, "log of the raw means")
+      ->writes()
+      ->required()
+      ->type_name("LOG.csv");
   c->record->add_option("--compensated", a->watch.compensated_path, "log of the compensated means")
+      ->writes()
       ->type_name("LOG.csv");
   c->record->add_flag("--force", a->watch.may_overwrite, "write over logs that are there");
   c->recover = app->add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
   c->recover->add_option("PART", a->recover.part_path, "what was left behind")->required()->type_name("LOG.csv.part");
   c->recover->add_option("-o,--output", a->recover.output_path, "log to write (default: the name without .part)")
+      ->writes()
       ->type_name("LOG.csv");
   c->recover->add_flag("--force", a->recover.may_overwrite, "write over a log that is there");
 }
@@ -137,6 +144,7 @@ void add_tables(cli::App* app, Arguments* a, Commands* c) {
         ->required()
         ->type_name("TABLE.json");
   c->dump->add_option("-o,--output", a->table_path, "table to write (.json or .bin)")
+      ->writes()
       ->required()
       ->type_name("TABLE.json");
   c->rollback = app->add_subcommand("rollback", "return to the table before");

@@ -67,6 +67,10 @@ Option* Option::capture_default_str() {
   option_->capture_default_str();
   return this;
 }
+Option* Option::writes() {
+  writes_ = true;
+  return this;
+}
 size_t Option::count() const {
   return option_->count();
 }
@@ -133,6 +137,15 @@ void App::fallthrough(bool allowed) {
 }
 bool App::parsed() const {
   return app_->parsed();
+}
+std::vector<Output> App::outputs() const {
+  std::vector<Output> all;
+  for (const auto& option : options_)
+    if (option->writes_ && option->count() > 0)
+      all.push_back({option->option_->get_name(), option->option_->results().front()});
+  for (const auto& subcommand : subcommands_)
+    for (const Output& output : subcommand->outputs()) all.push_back(output);
+  return all;
 }
 std::string App::chosen() const {
   const auto given = app_->get_subcommands();

@@ -30,6 +30,11 @@ Check Range(int lo, int hi);
 Check IsMember(std::vector<std::string> words);
 extern const Check NonNegativeNumber, PositiveNumber;
 
+// A file that the command writes.
+struct Output {
+  std::string option, path;
+};
+
 class Option {
 public:
   explicit Option(CLI::Option* option) : option_(option) {}
@@ -40,11 +45,13 @@ public:
   Option* expected(int n);                       // arguments; negative: at least so many
   Option* allow_extra_args(bool allowed = true); // --axis a b as well as --axis a --axis b
   Option* capture_default_str();
+  Option* writes(); // names a file that the command writes: run_program refuses an empty name, and one file named twice
   size_t count() const; // how often it was given
 
 private:
   friend class App;
   CLI::Option* option_;
+  bool writes_ = false;
 };
 
 class App {
@@ -74,6 +81,7 @@ public:
   void fallthrough(bool allowed = true); // options that a subcommand does not know are the app's
   bool parsed() const;                   // this subcommand was given
   explicit operator bool() const { return parsed(); }
+  std::vector<Output> outputs() const;       // those that were given, of subcommands too
   std::string chosen() const;                // name of the subcommand that was given; "": none
   CLI::App& behind() const { return *app_; } // for program.cpp
 

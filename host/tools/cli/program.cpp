@@ -15,6 +15,7 @@
 
 #include "base/wrap.h"
 #include "io/notice.h"
+#include "io/output.h"
 
 namespace imucal {
 
@@ -47,6 +48,7 @@ int CommonOptions::thread_count() const {
 
 void add_common_options(cli::App* app, CommonOptions* options, unsigned flags) {
   app->add_option("--json", options->json_path, "write the result as JSON to FILE (- for standard output)")
+      ->writes()
       ->type_name("FILE");
   app->add_flag("--quiet,-q", options->quiet, "no text but errors");
   if (flags & kWithSeed)
@@ -87,6 +89,18 @@ std::vector<std::string> common_behind(const CLI::App& app, int argc, char** arg
   return words;
 }
 
+// Before hours of work: of two results in one file the first would be lost, and one without a name is written nowhere.
+void require_files(const std::vector<cli::Output>& outputs) {
+  for (size_t i = 0; i < outputs.size(); ++i) {
+    if (outputs[i].path.empty())
+      throw usage_error(outputs[i].option + ": the name is empty; name a file, or leave the option out");
+    for (size_t j = 0; j < i; ++j)
+      if (is_same_file(outputs[i].path, outputs[j].path))
+        throw usage_error(outputs[j].option + " and " + outputs[i].option + " name one file, " + outputs[i].path +
+                          ": give each a file of its own");
+  }
+}
+
 // Not behind the line that shows the progress, which stands on a terminal only.
 void complain(const std::string& name, const std::string& message) {
   if (::isatty(STDERR_FILENO)) std::cerr << "\r\033[K";
@@ -114,6 +128,7 @@ int run_program(cli::App* program, int argc, char** argv, const std::function<Ex
     std::vector<std::string> words = common_behind(*app, argc, argv);
     std::reverse(words.begin(), words.end()); // CLI11 takes them from the back
     app->parse(words);
+    require_files(program->outputs());
     return static_cast<int>(checked_output(name, run()));
   } catch (const CLI::CallForHelp& e) {
     return app->exit(e);

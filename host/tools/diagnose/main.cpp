@@ -81,7 +81,9 @@ void add_calibration_options(cli::App* app, Request* r) {
   app->add_option("--model-seconds", r->model_seconds,
                   "kept for old command lines: the noise is estimated again in any case")
       ->check(cli::NonNegativeNumber);
-  app->add_option("--model-out", r->model_out, "write the model with the effects found")->type_name("MODEL.json");
+  app->add_option("--model-out", r->model_out, "write the model with the effects found")
+      ->writes()
+      ->type_name("MODEL.json");
   app->add_flag("--list-effects", r->list, "list the library and stop");
 }
 

@@ -729,7 +729,7 @@ void add_fit(cli::App* app, Options* o) {
   app->add_option("--accept", o->accept, "make a model although this rule speaks against the data (repeat): " + rules)
       ->allow_extra_args(false)
       ->type_name("RULE");
-  app->add_option("-o,--output", o->output, "model to write")->type_name("MODEL.json");
+  app->add_option("-o,--output", o->output, "model to write")->writes()->type_name("MODEL.json");
   add_common_options(app, &o->common, kWithSeed | kWithThreads);
 }
 

@@ -57,6 +57,7 @@ void add_log(cli::App* app, LogOptions* o) {
   app->add_option("--effects", o->effects_path, "further effects: a list of {name, parameters, [axis], [log]}")
       ->type_name("EFFECTS.json");
   app->add_option("-o,--output", o->output_path, "log to write (- for standard output)")
+      ->writes()
       ->required()
       ->type_name("LOG.csv");
   app->add_option("--log-index", o->sim.log_index,
@@ -124,6 +125,7 @@ Exit run_log(LogOptions o) {
 // What the raw samples of serve and replay look like; the device must be told the same scales.
 void add_feed(cli::App* app, FeedOptions* o, CommonOptions* common) {
   app->add_option("--to", o->to, "where the sample records go: a file, a named pipe, tcp:HOST:PORT or tcp-listen:PORT")
+      ->writes()
       ->required()
       ->type_name("SINK");
   app->add_option("--rate-hz", o->format.rate_hz, "raw samples per second")->capture_default_str();
@@ -174,7 +176,9 @@ void add_serve(cli::App* app, ServeOptions* o) {
       ->type_name("EFFECTS.json");
   app->add_option("--accel-scale-mg", o->accel_scale_mg, "value of one count of an accelerometer")
       ->capture_default_str();
-  app->add_option("-o,--output", o->log_path, "also write the run as a log of 1-s means")->type_name("LOG.csv");
+  app->add_option("-o,--output", o->log_path, "also write the run as a log of 1-s means")
+      ->writes()
+      ->type_name("LOG.csv");
   app->add_option("--log-index", o->sim.log_index, "which run of the device this is, from 0")
       ->check(cli::Range(0, 65535));
   app->add_option("--device", o->sim.device, "another device of the same seed");

@@ -57,8 +57,12 @@ void add_options(cli::App* app, Options* o) {
   app->add_option("--filter-model", o->filter_path, "error model the filter assumes (default: the true one)")
       ->type_name("MODEL.json");
   app->add_option("--effects", o->effects_path, "further effects on the sensor")->type_name("EFFECTS.json");
-  app->add_option("--partial", o->partial_path, "write a partial result for `montecarlo merge`")->type_name("FILE");
-  app->add_option("--points", c.points, "temperatures scored")->check(cli::Range(2, 1000))->capture_default_str();
+  app->add_option("--partial", o->partial_path, "write a partial result for `montecarlo merge`")
+      ->writes()
+      ->type_name("FILE");
+  app->add_option("--points", c.points, "temperatures scored")
+      ->check(cli::Range(2, static_cast<int>(kMostPoints)))
+      ->capture_default_str();
   app->add_option("--missing-seconds", c.missing_frac, "part of the seconds that are missing altogether")
       ->check(cli::Range(0.0, 0.99));
   app->add_flag("--core-only", o->core_only, "the chain and its score only: no least squares, double reference, DP");

@@ -393,7 +393,7 @@ void add_optimize(cli::App* app, OptimizeOptions* o) {
       ->check(cli::Range(1e-3, 1e9))
       ->capture_default_str();
   app->add_flag("--no-proof", o->no_proof, "skip the proven bound (about half a second)");
-  app->add_option("-o,--output", o->profile_path, "write the profile (JSON)")->type_name("FILE");
+  app->add_option("-o,--output", o->profile_path, "write the profile (JSON)")->writes()->type_name("FILE");
   add_common_options(app, &o->common, kWithSeed);
 }
 

@@ -36,6 +36,12 @@ struct CampaignOptions {
   uint64_t residual_every = 20;  // DP curve of the residual after compensation, on a fresh test of the device
 };
 
+constexpr int64_t kMostPoints = 1000;
+constexpr double kMostMissing = 0.99;
+
+// Windows of the residual's DP curve [s]; none where it is not asked for, or the filter's model has no Markov term.
+std::vector<long> residual_windows(const CampaignOptions& options);
+
 // Options made ready: what all runs share.
 struct CampaignPlan {
   CampaignOptions options;

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""No command loses what is there: what it has read, another of its own results, a recording; nor does it leave half of a file behind,
+take half of a file for the whole, or answer from numbers that are none."""
+import gzip
+import json
+import os
+import resource
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+from reference import MODEL
+from where import BIN
+
+PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 2, "to_degc": 60}, {"rate_degc_per_min": 2, "to_degc": 0}]}
+LIMITS = ("--duration-s", "3600", "--range", "0:60", "--max-rate", "2")
+
+
+def run(program, *arguments, **how):
+    return subprocess.run([str(BIN / program), *map(str, arguments)], capture_output=True, text=True, timeout=120, **how)
+
+
+def log_text(n=1200, seed=1):
+    rng = np.random.default_rng(seed)
+    temp = 30 - 30 * np.cos(2 * np.pi * np.arange(n) / n)
+    rate = 80 + 5 * temp + 36 * rng.standard_normal(n)
+    return "# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "".join(f"{i + 1},{temp[i]:.3f},{rate[i]:.3f}\n" for i in range(n))
+
+
+def raw_text(*metadata):
+    rows = "".join(f"{i / 4:.2f},24.8,{22 + i % 3}\n" for i in range(400))
+    return "# imucal-log = 1\n# rate_hz = 4\n" + "".join(f"# {line}\n" for line in metadata) + "t_s,temp_degc,gx_counts\n" + rows
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "log.csv").write_text(log_text())
+    (tmp_path / "m.json").write_text(json.dumps(MODEL))
+    (tmp_path / "p.json").write_text(json.dumps(PROFILE))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+# ---- what was read ----
+
+@pytest.mark.parametrize("command", [
+    "errormodel expect m.json --json m.json", "errormodel expect m.json --json ./m.json",
+    "dp log.csv --no-ratios --type dp2 --nominal m.json --json m.json", "errormodel fit log.csv --markov 0 --bootstrap 0 --nominal m.json -o m.json",
+    "calibrate fit log.csv --model m.json --serial 1 -o m.json",
+    "gyrosim log --model m.json --profile p.json -o m.json", "gyrosim log --model m.json --profile p.json -o p.json",
+    "gyrosim replay log.csv --to log.csv -q", "gyrosim serve --model m.json --profile p.json --to m.json -q",
+    "profile error p.json --model m.json --order 3 --json p.json", "profile bound --model m.json --order 3 --duration-s 3600 --range 0:60 --json m.json",
+    "montecarlo --model m.json --profile p.json --order 3 --runs 2 --json m.json",
+    "montecarlo --model m.json --profile p.json --order 3 --runs 2 --partial p.json"])
+def test_what_was_read_is_not_written_over(folder, command):
+    before = contents(folder)
+    done = run(*command.split())
+    assert done.returncode == 3 and "it is a file that was read; give another name" in done.stderr, (done.returncode, done.stderr)
+    assert contents(folder) == before
+
+
+def test_a_page_or_verdict_is_not_written_over_its_source(folder):
+    for words in (("report", "d.json", "-o", "d.json"), ("check", "m.json", "--json", "m.json"), ("check", "t.json", "--limits", "m.json", "--json", "m.json")):
+        before = contents(folder)
+        done = run("imucal", *words)
+        assert done.returncode != 0 and contents(folder) == before
+        assert words[1] == "d.json" or "give another name" in done.stderr, done.stderr
+
+
+def test_a_damaged_cache_is_written_anew(folder):
+    diagnose = ("diagnose", "--model", "m.json", "--log", "log.csv", "--nulls", "50", "--cache", "kept", "-q")
+    assert run(*diagnose).returncode == 0
+    kept, = (folder / "kept").iterdir()
+    whole = kept.read_text()
+    kept.write_text(whole[:40])
+    assert run(*diagnose).returncode == 0 and kept.read_text() == whole
+
+
+def test_a_partial_result_is_not_written_over_by_the_merged_one(folder):
+    assert run("montecarlo", "--model", "m.json", "--profile", "p.json", "--order", "3", "--runs", "2", "--partial", "a.json", "-q").returncode == 0
+    before = contents(folder)
+    assert run("montecarlo", "merge", "a.json", "--json", "a.json").returncode == 3 and contents(folder) == before
+
+
+# ---- results of one command ----
+
+@pytest.mark.parametrize("command", [
+    "errormodel fit log.csv --markov 0 --bootstrap 0 -o x --json x", "errormodel fit log.csv --markov 0 --bootstrap 0 -o x --json ./x",
+    "calibrate fit log.csv --method poly -o x --json x", "gyrosim log --model m.json --profile p.json -o x --json x",
+    "gyrosim serve --model m.json --profile p.json --to x -o x", "montecarlo --model m.json --profile p.json --order 3 --runs 2 --json x --partial x",
+    "calibrate --port /dev/null record -o x --compensated x --force", "calibrate --port /dev/null --json x record -o x",
+    "calibrate --port /dev/null run --model m.json -o x --record x", "calibrate --port /dev/null run --model m.json --record x --record-compensated x",
+    "profile optimize --model m.json --order 3 --duration-s 3600 --range 0:60 --max-rate 2 -o x --json x", "calibrate recover log.csv -o x --json x",
+    "diagnose --model m.json --log log.csv --model-out x --json x"])
+def test_two_results_in_one_file_are_refused_before_the_work(folder, command):
+    before = contents(folder)
+    done = run(*command.split())
+    assert done.returncode == 2 and "name one file" in done.stderr and contents(folder) == before, (done.returncode, done.stderr)
+
+
+def test_results_may_share_what_is_no_file(folder):
+    assert run("calibrate", "fit", "log.csv", "--method", "poly", "-o", "/dev/null", "--json", "/dev/null").returncode == 0
+
+
+@pytest.mark.parametrize("command", ["dp log.csv --no-ratios --json", "gyrosim log --model m.json --profile p.json -o", "calibrate fit log.csv --method poly -o",
+                                     "montecarlo --model m.json --profile p.json --order 3 --runs 2 --partial"])
+def test_a_result_without_a_name_is_refused(folder, command):
+    """As an unset variable of a shell has it."""
+    before = contents(folder)
+    done = run(*command.split(), "")
+    assert done.returncode == 2 and "the name is empty" in done.stderr and contents(folder) == before
+
+
+# ---- recordings ----
+
+@pytest.mark.parametrize("link", [None, os.symlink, os.link])
+def test_recover_onto_itself_keeps_the_recording(folder, link):
+    if link:
+        link("log.csv", "out.csv")
+    before = contents(folder)
+    done = run("calibrate", "recover", "log.csv", "-o", "out.csv" if link else "log.csv", "--force")
+    assert done.returncode == 3 and "give another name" in done.stderr and contents(folder) == before
+
+
+def test_recover_reads_before_it_writes(folder):
+    (folder / "log.csv.part").write_text(log_text(300) + "5,20,1\n6,20,1\n")
+    before = contents(folder)
+    for words in (("--force",), ("-o", "new.csv")):
+        done = run("calibrate", "recover", "log.csv.part", *words)
+        assert done.returncode == 3 and "log.csv.part:303: t_s does not increase" in done.stderr and contents(folder) == before
+
+
+def test_recover_into_a_pipe_keeps_the_part(folder):
+    (folder / "a.part").write_text(log_text(50))
+    done = run("calibrate", "recover", "a.part", "-o", "-", "-q")
+    assert done.returncode == 0 and done.stdout == log_text(50) and (folder / "a.part").exists()
+
+
+def test_the_result_of_recover_is_not_written_over_it(folder):
+    (folder / "a.csv.part").write_text(log_text(50))
+    assert run("calibrate", "recover", "a.csv.part", "--json", "a.csv").returncode == 3 and (folder / "a.csv").read_text() == log_text(50)
