@@ -146,3 +146,40 @@ def test_recover_into_a_pipe_keeps_the_part(folder):
 def test_the_result_of_recover_is_not_written_over_it(folder):
     (folder / "a.csv.part").write_text(log_text(50))
     assert run("calibrate", "recover", "a.csv.part", "--json", "a.csv").returncode == 3 and (folder / "a.csv").read_text() == log_text(50)
+
+
+# ---- numbers that are none ----
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e400"])
+@pytest.mark.parametrize("command", [
+    "profile error p.json --model m.json --order 3 --prior-sigma-dph", "profile optimize --model m.json --order 3 {limits} --no-proof --min-soak-s",
+    "profile optimize --model m.json --order 3 {limits} --max-correlation", "profile bound --model m.json --order 3 --duration-s 3600 --range 0:60 --prior-sigma-dph",
+    "dp log.csv --false-alarm-rate", "errormodel fit log.csv --markov 0 --bootstrap 0 --confidence", "diagnose --model m.json --log log.csv --false-alarm-rate",
+    "calibrate --port /dev/null info --timeout-s", "gyrosim serve --model m.json --profile p.json --to /dev/null --accel-scale-mg",
+    "gyrosim replay log.csv --to /dev/null --temp-offset-degc", "gyrosim replay log.csv --to /dev/null --speed",
+    "gyrosim log --model m.json --profile p.json -o x --temp-noise-degc", "gyrosim log --model m.json --profile p.json -o x --missing",
+    "calibrate fit log.csv --model m.json --prior-sigma-dph", "montecarlo --model m.json --profile p.json --order 3 --jitter-s"])
+def test_options_are_finite(folder, command, value):
+    words = command.format(limits=" ".join(LIMITS)).split()
+    done = run(*words, value)
+    assert done.returncode == 2 and words[-1] in done.stderr and value in done.stderr, (done.returncode, done.stderr)
+
+
+@pytest.mark.parametrize("option, value", [("--temp-noise-degc", 5000), ("--temp-lsb-degc", 5e-324), ("--rate-lsb-dph", 5e-324), ("--jitter-s", 0.3),
+                                           ("--missing-seconds", 0.99)])
+def test_no_log_is_simulated_that_nothing_reads(folder, option, value):
+    done = run("gyrosim", "log", "--model", "m.json", "--profile", "p.json", "-o", "x.csv", option, value)
+    assert done.returncode == 2 and option in done.stderr and not (folder / "x.csv").exists(), done.stderr
+
+
+@pytest.mark.parametrize("option, value", [("--temp-noise-degc", 30), ("--temp-lsb-degc", 5), ("--rate-lsb-dph", 1e-9), ("--jitter-s", 0.07), ("--missing-seconds", 0.45)])
+def test_the_furthest_simulated_log_is_read(folder, option, value):
+    for seed in range(3):
+        assert run("gyrosim", "log", "--model", "m.json", "--profile", "p.json", "-o", "x.csv", option, value, "--seed", seed).returncode == 0
+        assert (done := run("dp", "x.csv", "--no-ratios", "--tau", "1")).returncode == 0, done.stderr
+
+
+def test_whole_numbers_are_decimal(folder):
+    for words, runs, seed in ((("--runs", "010"), 10, 1), (("--runs", "3", "--seed", "010"), 3, 10), (("--runs", "08"), 8, 1), (("--runs", "2", "--seed", "0"), 2, 0)):
+        done = run("montecarlo", "--model", "m.json", "--profile", "p.json", "--order", "3", "--core-only", *words, "--json", "-")
+        assert done.returncode == 0 and (json.loads(done.stdout)["runs"], json.loads(done.stdout)["seed"]) == (runs, seed), done.stderr

@@ -680,6 +680,7 @@ void scan_log(const std::string& path, const std::function<void(const Log& heade
 
 static void put_number(std::ostream& out, double value, double lsb) {
   if (std::isnan(value)) return;
+  if (std::isinf(value)) throw data_error("a value of the log to write is infinite, and no program would read it");
   char text[40];
   // Shortest form that keeps the value to `lsb`.
   const double rounded = std::round(value / lsb) * lsb;

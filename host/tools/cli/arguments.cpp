@@ -2,6 +2,7 @@
 #include "cli/arguments.h"
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 
 namespace imucal::cli {
 
@@ -13,6 +14,27 @@ CLI::Validator validator(const Check& check) {
 
 Check from(const CLI::Validator& validator) {
   return {[validator](std::string& text) { return validator(text); }, validator.get_description()};
+}
+
+// strtod reads "nan" and "inf", and no comparison refuses the first.
+std::string refuse_not_finite(const std::string& text) {
+  double value = 0;
+  if (!CLI::detail::lexical_cast(text, value) || std::isfinite(value)) return "";
+  return "expected a finite number, found \"" + text + "\"";
+}
+
+// CLI11 would read "010" as 8.
+std::string without_leading_zeros(const std::string& text) {
+  const size_t first = text.find_first_not_of('0');
+  if (text.empty() || text.find_first_not_of("0123456789") != std::string::npos) return text;
+  return first == std::string::npos ? "0" : text.substr(first);
+}
+
+CLI::Option* decimal(CLI::Option* option) {
+  return option->transform(without_leading_zeros, "");
+}
+CLI::Option* finite(CLI::Option* option) {
+  return option->check(refuse_not_finite, "");
 }
 
 // A group that no help shows.  Options of the group "" would be hidden too, but from messages as well.
@@ -88,22 +110,22 @@ Option* App::keep(CLI::Option* option) {
 }
 
 Option* App::add_option(const std::string& name, double& value, const std::string& help) {
-  return keep(app_->add_option(name, value, help));
+  return keep(finite(app_->add_option(name, value, help)));
 }
 Option* App::add_option(const std::string& name, int& value, const std::string& help) {
-  return keep(app_->add_option(name, value, help));
+  return keep(decimal(app_->add_option(name, value, help)));
 }
 Option* App::add_option(const std::string& name, unsigned& value, const std::string& help) {
-  return keep(app_->add_option(name, value, help));
+  return keep(decimal(app_->add_option(name, value, help)));
 }
 Option* App::add_option(const std::string& name, uint64_t& value, const std::string& help) {
-  return keep(app_->add_option(name, value, help));
+  return keep(decimal(app_->add_option(name, value, help)));
 }
 Option* App::add_option(const std::string& name, std::string& value, const std::string& help) {
   return keep(app_->add_option(name, value, help));
 }
 Option* App::add_option(const std::string& name, std::vector<double>& values, const std::string& help) {
-  return keep(app_->add_option(name, values, help));
+  return keep(finite(app_->add_option(name, values, help)));
 }
 Option* App::add_option(const std::string& name, std::vector<std::string>& values, const std::string& help) {
   return keep(app_->add_option(name, values, help));
@@ -116,7 +138,7 @@ Option* App::add_flag(const std::string& name, bool& value, const std::string& h
   return keep(app_->add_flag(name, value, help));
 }
 Option* App::add_old_name(const std::string& name, double& value, const Option* option) {
-  CLI::Option* old = app_->add_option(name, value)->group(kOldNames);
+  CLI::Option* old = finite(app_->add_option(name, value))->group(kOldNames);
   const CLI::Option* now = option->option_;
   // Values are looked at when all words have been read.
   old->check([now](const std::string&) {

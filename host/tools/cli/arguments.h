@@ -62,6 +62,7 @@ public:
   App(const App&) = delete;
   App& operator=(const App&) = delete;
 
+  // Numbers are finite; whole numbers are decimal, also with zeros in front.
   Option* add_option(const std::string& name, double& value, const std::string& help);
   Option* add_option(const std::string& name, int& value, const std::string& help);
   Option* add_option(const std::string& name, unsigned& value, const std::string& help);

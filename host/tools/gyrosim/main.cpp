@@ -2,6 +2,7 @@
 // gyrosim: simulates a chamber and gyros.  `log` writes a log, `serve` feeds a device with raw samples of a
 // simulated run, `replay` with those of a recorded log.
 #include <cstdio>
+#include <cstdlib>
 
 #include "base/axis_unit.h"
 #include "cli/program.h"
@@ -31,13 +32,26 @@ void add_start(cli::App* app, SimOptions* sim) {
       ->type_name("STATE");
 }
 
+// A quantum: none, or one by which a value can be divided.
+const cli::Check Quantum{[](std::string& text) {
+                           const double value = std::strtod(text.c_str(), nullptr);
+                           return value == 0 || (value >= 1e-9 && value <= 1e9)
+                                      ? std::string()
+                                      : "expected 0 (none) or 1e-9 to 1e9, found \"" + text + "\"";
+                         },
+                         "QUANTUM"};
+constexpr double kMostTempNoise_degc = 30;
+// Rows that lie nearer than half a second are no rows of a second, and with more than half of them missing nobody can tell
+// the usual step: no program reads such a log.
+constexpr double kMostJitter_s = 0.07, kMostMissingSeconds = 0.45;
+
 // What is missing; `--missing`, the name of before, meant seconds in `log` and samples in `serve` and `replay`.
 enum Missing { kMissingSeconds, kMissingSamples };
 constexpr bool kWithOldName = true;
 
 void add_missing(cli::App* app, Missing what, double* frac, bool with_old_name = false) {
   const bool is_seconds = what == kMissingSeconds;
-  const cli::Check check = cli::Range(0.0, 0.99);
+  const cli::Check check = cli::Range(0.0, is_seconds && with_old_name ? kMostMissingSeconds : 0.99);
   const cli::Option* option = app->add_option(is_seconds ? "--missing-seconds" : "--missing-samples", *frac,
                                               is_seconds ? "part of the seconds that are missing altogether"
                                                          : "part of the samples that never arrive")
@@ -69,11 +83,11 @@ void add_log(cli::App* app, LogOptions* o) {
   app->add_option("--device", o->sim.device, "another device of the same seed")->capture_default_str();
   add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->sim.temp_noise_degc, "thermometer noise per second")
-      ->check(cli::NonNegativeNumber);
-  app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")->check(cli::NonNegativeNumber);
-  app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")->check(cli::NonNegativeNumber);
+      ->check(cli::Range(0.0, kMostTempNoise_degc));
+  app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")->check(Quantum);
+  app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")->check(Quantum);
   app->add_option("--jitter-s", o->sim.jitter_s, "standard deviation of the time stamps")
-      ->check(cli::NonNegativeNumber);
+      ->check(cli::Range(0.0, kMostJitter_s));
   add_missing(app, kMissingSeconds, &o->sim.missing_frac, kWithOldName);
   add_common_options(app, &o->common, kWithSeed);
 }
