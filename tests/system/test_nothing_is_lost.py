@@ -183,3 +183,28 @@ def test_whole_numbers_are_decimal(folder):
     for words, runs, seed in ((("--runs", "010"), 10, 1), (("--runs", "3", "--seed", "010"), 3, 10), (("--runs", "08"), 8, 1), (("--runs", "2", "--seed", "0"), 2, 0)):
         done = run("montecarlo", "--model", "m.json", "--profile", "p.json", "--order", "3", "--core-only", *words, "--json", "-")
         assert done.returncode == 0 and (json.loads(done.stdout)["runs"], json.loads(done.stdout)["seed"]) == (runs, seed), done.stderr
+
+
+@pytest.mark.parametrize("scale", ["1e38", "1e300", "1e13", "1e-13"])
+def test_a_scale_that_no_sensor_has_is_refused(folder, scale):
+    (folder / "raw.csv").write_text(raw_text(f"gx_counts_scale_dph = {scale}"))
+    for command in ("dp raw.csv", "calibrate fit raw.csv --method poly", "dp raw.csv --stream"):
+        done = run(*command.split())
+        assert done.returncode == 3 and f"raw.csv:4: # gx_counts_scale_dph: {scale} is no scale" in done.stderr, (done.returncode, done.stderr)
+
+
+def test_means_that_no_rate_is_are_refused(folder):
+    (folder / "raw.csv").write_text(raw_text("gx_counts_scale_dph = 1e12"))
+    done = run("dp", "raw.csv")
+    assert done.returncode == 3 and "raw.csv:9: " in done.stderr and "gx_dph: a mean beyond +-1e12" in done.stderr, (done.returncode, done.stderr)
+
+
+def test_metadata_say_one_thing(folder):
+    scale = "gx_counts_scale_dph = 18"
+    for lines, words in (((scale, "gx_counts_scale_dph = 1800"), ":4: # gx_counts_scale_dph = 1800: a line before says 18"),
+                         ((scale, "gx_counts_scale_dps = 1"), "gx_counts_scale_dph and # gx_counts_scale_dps"), ((scale, "rate_hz = 5"), "rate_hz = 5")):
+        (folder / "raw.csv").write_text(raw_text(*lines))
+        done = run("dp", "raw.csv", "--no-ratios")
+        assert done.returncode == 3 and words in done.stderr and "leave the one that is right" in done.stderr, (done.returncode, done.stderr)
+    (folder / "raw.csv").write_text(raw_text(scale, scale))
+    assert run("dp", "raw.csv", "--no-ratios").returncode == 0

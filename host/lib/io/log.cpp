@@ -30,7 +30,7 @@ constexpr double kMaxSpanS = 366 * 86400.0; // a year of seconds still fits into
 constexpr double kMinTempDegc = -273.15, kMaxTempDegc = 2000;
 constexpr size_t kStepProbe = 10;         // steps by which the usual one is known
 constexpr double kMostOffSecond = 0.05;   // as diagnose and the replay have it
-constexpr double kMaxValue = 1e12;        // of a rate or another column
+constexpr double kMaxValue = 1e12;        // of a rate or another column, and of what a count means
 constexpr double kMaxIrregularPart = 0.1; // of the steps that are no multiples of the median one
 constexpr double kMaxStepError = 0.25;    // of the median step
 
@@ -166,8 +166,8 @@ std::vector<std::string> split(const std::string& line) {
 }
 
 // Reads "# key = value  key = value": several pairs are separated by two blanks.
-void read_metadata(const std::string& line, std::map<std::string, std::string>* metadata) {
-  std::string rest = trimmed(line.substr(1));
+void read_metadata(const LineReader& in, std::map<std::string, std::string>* metadata) {
+  std::string rest = trimmed(in.line().substr(1));
   while (!rest.empty()) {
     const size_t equals = rest.find('=');
     if (equals == std::string::npos) return; // a plain comment
@@ -177,29 +177,47 @@ void read_metadata(const std::string& line, std::map<std::string, std::string>* 
     value = start == std::string::npos ? "" : value.substr(start);
     const size_t gap = value.find("  ");
     const bool more = gap != std::string::npos && value.find('=', gap) != std::string::npos;
-    (*metadata)[printable(key)] = printable(trimmed(more ? value.substr(0, gap) : value));
+    const std::string text = printable(trimmed(more ? value.substr(0, gap) : value));
+    const std::string& first = metadata->emplace(printable(key), text).first->second;
+    if (text != first)
+      in.fail("# " + printable(key) + " = " + shortened(text) + ": a line before says " + shortened(first) +
+              "; leave the one that is right");
     rest = more ? trimmed(value.substr(gap)) : "";
   }
 }
 
+// The unit in which the metadata give the scale of a column of counts.
+const UnitSuffix& unit_of_scale(const LineReader& in, const std::string& name,
+                                const std::map<std::string, std::string>& metadata) {
+  const UnitSuffix* stated = nullptr;
+  for (const UnitSuffix& unit : kUnits) {
+    if (metadata.count(name + "_scale" + unit.text) == 0) continue;
+    if (stated != nullptr)
+      in.fail("# " + name + "_scale" + stated->text + " and # " + name + "_scale" + unit.text +
+              " stand for one column: leave the one that is right");
+    stated = &unit;
+  }
+  if (stated == nullptr)
+    in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
+  return *stated;
+}
+
 // The axis that a column of counts becomes; its scale is in the metadata before the header.
 LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<std::string, std::string>& metadata) {
-  const std::string stem = name.substr(0, name.size() - std::strlen("_counts"));
-  for (const UnitSuffix& unit : kUnits) {
-    const auto scale = metadata.find(name + "_scale" + unit.text);
-    if (scale == metadata.end()) continue;
-    const char* last = scale->second.data() + scale->second.size();
-    LogAxis axis;
-    double per_count = 0;
-    const auto result = std::from_chars(scale->second.data(), last, per_count);
-    if (result.ec != std::errc() || result.ptr != last || !(per_count > 0) || !std::isfinite(per_count))
-      in.fail("# " + scale->first + ": expected a positive number, found \"" + scale->second + "\"");
-    axis.name = stem + (unit.is_gyro ? "_dph" : "_mg");
-    axis.is_gyro = unit.is_gyro;
-    axis.to_internal = per_count * unit.to_internal;
-    return axis;
-  }
-  in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
+  const UnitSuffix& unit = unit_of_scale(in, name, metadata);
+  const auto& [key, text] = *metadata.find(name + "_scale" + unit.text);
+  const char* last = text.data() + text.size();
+  double per_count = 0;
+  const auto result = std::from_chars(text.data(), last, per_count);
+  if (result.ec != std::errc() || result.ptr != last || !(per_count > 0) || !std::isfinite(per_count))
+    in.fail("# " + key + ": expected a positive number, found \"" + text + "\"");
+  LogAxis axis;
+  axis.name = name.substr(0, name.size() - std::strlen("_counts")) + (unit.is_gyro ? "_dph" : "_mg");
+  axis.is_gyro = unit.is_gyro;
+  axis.to_internal = per_count * unit.to_internal;
+  if (axis.to_internal > kMaxValue || axis.to_internal < 1 / kMaxValue)
+    in.fail("# " + key + ": " + text + " is no scale of a sensor's count");
+  return axis;
 }
 
 // Beside a column of the name that it would have inside, a column keeps its own.
@@ -325,7 +343,7 @@ private:
   bool is_no_row() {
     if (trimmed(in_.line()).empty()) return true;
     if (in_.line()[0] != '#') return false;
-    if (in_.is_whole()) read_metadata(in_.line(), &header_.metadata);
+    if (in_.is_whole()) read_metadata(in_, &header_.metadata);
     return true;
   }
 

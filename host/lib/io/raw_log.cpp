@@ -12,6 +12,7 @@ namespace imucal {
 namespace {
 constexpr double kTempCountsPerDegc = 65536;
 constexpr double kMaxRawTempDegc = 10000;
+constexpr float kMaxRate = 1e12F; // as in a log of means
 } // namespace
 
 RawDecimator::RawDecimator(const Log& header) : log_(header) {
@@ -86,6 +87,9 @@ void RawDecimator::take(const imucal_second_t& second) {
     LogAxis& axis = log_.axes[a];
     const float rate = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[a], second.n_samples),
                                             static_cast<float>(axis.to_internal), 0.0F);
+    if (!second.is_gap && !(std::abs(rate) <= kMaxRate))
+      refuse("axis " + axis.name +
+             ": a mean beyond +-1e12, as no rate is: mend its counts or their scale in the header");
     axis.rate_dph.push_back(second.is_gap ? std::numeric_limits<double>::quiet_NaN() : static_cast<double>(rate));
     axis.flags.push_back(second.flags[a]);
     axis.noise_ratio.push_back(imucal_sum_noise_ratio(&sum_, &second, static_cast<uint32_t>(a)));

@@ -182,7 +182,7 @@ static size_t fewest_distinct(const std::vector<double>& values, double least, d
   size_t n_cells = 0;
   const double per_same = 1 / same;
   for (double x : values) {
-    if (std::isnan(x)) continue;
+    if (!std::isfinite(x)) continue;
     const auto cell = static_cast<size_t>((x - least) * per_same);
     n_cells += !is_taken[cell];
     is_taken[cell] = true;
@@ -196,7 +196,8 @@ double quantum_dph(const Series& s) {
   // Written digits: the same value twice differs by less than a millionth of the span.
   const double same = (most - least) / kSpanOverSame;
   const auto n = static_cast<size_t>(s.size() - s.n_missing);
-  if (!(same > 0) || fewest_distinct(s.rate_dph, least, same) > std::min(n / 10, kMostLevels)) return 0;
+  if (!(same > 0) || !std::isfinite(same) || fewest_distinct(s.rate_dph, least, same) > std::min(n / 10, kMostLevels))
+    return 0;
   std::vector<double> values;
   for (double x : s.rate_dph)
     if (!std::isnan(x)) values.push_back(x);
