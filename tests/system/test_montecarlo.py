@@ -107,7 +107,7 @@ def test_interrupt_ends_with_what_is_done(files):
     time.sleep(1.5)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
-    assert process.returncode == 0, err
+    assert process.returncode == 130, err
     result = json.loads((files / "result.json").read_text())
     assert result["interrupted"] and 0 < result["runs"] < 1000000
     assert "stopped before the end" in out

@@ -208,3 +208,77 @@ def test_metadata_say_one_thing(folder):
         assert done.returncode == 3 and words in done.stderr and "leave the one that is right" in done.stderr, (done.returncode, done.stderr)
     (folder / "raw.csv").write_text(raw_text(scale, scale))
     assert run("dp", "raw.csv", "--no-ratios").returncode == 0
+
+
+# ---- shards of a campaign ----
+
+@pytest.fixture(scope="module")
+def shard(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shard")
+    (folder / "m.json").write_text(json.dumps(MODEL))
+    (folder / "p.json").write_text(json.dumps(PROFILE))
+    for first, n in ((0, 20), (30, 5)):
+        assert run("montecarlo", "--model", folder / "m.json", "--profile", folder / "p.json", "--order", 3, "--runs", n, "--first-run", first, "-q",
+                   "--partial", folder / f"{first}.json").returncode == 0
+    return folder
+
+
+def set_at(path, value):
+    def damage(partial):
+        for name in path[:-1]:
+            partial = partial[name]
+        if value is None:
+            del partial[path[-1]]
+        else:
+            partial[path[-1]] = value(partial[path[-1]]) if callable(value) else value
+    return damage
+
+
+DAMAGES = {
+    "error": (("tally", "sums", "error"), []), "extra": (("tally", "sums", "residual_extra"), []), "short": (("tally", "sums", "residual_extra"), lambda x: x[:3]),
+    "negative": (("tally", "sums", "error2"), lambda x: ["-" + n for n in x]), "no nees": (("tally", "sums", "nees"), None),
+    "least squares": (("tally", "sums", "ls_error2"), lambda x: x[:1]), "maxima": (("tally", "maxima", "comp_lsb"), []),
+    "lags": (("tally", "counts", "lags"), lambda x: x[:1]), "within": (("tally", "counts", "within1"), lambda x: [10 ** 6] * len(x)),
+    "seconds": (("tally", "counts", "seconds"), [3]), "fewer points": (("campaign", "points"), 5), "many points": (("campaign", "points"), 10 ** 15),
+    "no points": (("campaign", "points"), 0), "order": (("campaign", "order"), 0), "missing": (("campaign", "missing_seconds_frac"), 2),
+    "below zero": (("ranges",), [[-20, 0]]), "halves": (("ranges",), [[0.5, 20.5]]), "rate": (("campaign", "raw", "rate_hz"), 0)}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_a_damaged_partial_is_refused(shard, name):
+    path, value = DAMAGES[name]
+    partial = json.loads((shard / "0.json").read_text())
+    set_at(path, value)(partial)
+    (shard / "bad.json").write_text(json.dumps(partial))
+    (shard / "out.json").write_text("old")
+    done = run("montecarlo", "merge", shard / "bad.json", "--json", shard / "out.json")
+    assert done.returncode == 3 and "bad.json: " in done.stderr and "internal" not in done.stderr, (done.returncode, done.stderr)
+    assert path[-1] in done.stderr or path == ("campaign", "points") and "expected 5 numbers" in done.stderr, done.stderr
+    assert (shard / "out.json").read_text() == "old"
+
+
+def test_runs_that_are_missing_are_told(shard):
+    done = run("montecarlo", "merge", shard / "30.json", shard / "0.json")
+    assert done.returncode == 0 and "runs 20 to 29 are missing" in done.stderr, done.stderr
+
+
+def test_an_interrupted_campaign_says_so(shard):
+    command = [BIN / "montecarlo", "--model", shard / "m.json", "--profile", shard / "p.json", "--order", "3", "--runs", "1000000", "-q",
+               "--partial", shard / "cut.json", "--json", shard / "cut-result.json"]
+    child = subprocess.Popen(command)
+    time.sleep(1.5)
+    child.send_signal(signal.SIGINT)
+    assert child.wait(timeout=60) == 130
+    assert json.loads((shard / "cut.json").read_text())["interrupted"] is True
+    done = run("montecarlo", "merge", shard / "cut.json", "--json", shard / "merged.json")
+    assert done.returncode == 0 and "cut.json: was interrupted after" in done.stderr and "of 1000000 runs" in done.stderr, done.stderr
+    assert json.loads((shard / "merged.json").read_text())["interrupted"] is True and "stopped before the end" in done.stdout
+
+
+def test_an_interrupted_comparison_prints_no_empty_table(shard):
+    child = subprocess.Popen([BIN / "montecarlo", "compare", "--model", shard / "m.json", "--order", "3", "--runs", "20000", "--json", shard / "c.json"],
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(1)
+    child.send_signal(signal.SIGINT)
+    out, said = child.communicate(timeout=60)
+    assert child.returncode == 130 and out == "" and "interrupted before the first profile" in said and not (shard / "c.json").exists()

@@ -7,6 +7,7 @@
 #include "analysis/montecarlo/compare.h"
 #include "cli/program.h"
 #include "cli/text.h"
+#include "io/notice.h"
 #include "montecarlo/report.h"
 
 using namespace imucal;
@@ -42,7 +43,7 @@ void add_raw_options(cli::App* app, RawFormat* raw) {
       ->check(cli::NonNegativeNumber)
       ->group(group);
   app->add_option("--missing-samples", raw->missing_frac, "part of the samples that never arrive")
-      ->check(cli::Range(0.0, 0.99))
+      ->check(cli::Range(0.0, kMostMissing))
       ->group(group);
 }
 
@@ -64,7 +65,7 @@ void add_options(cli::App* app, Options* o) {
       ->check(cli::Range(2, static_cast<int>(kMostPoints)))
       ->capture_default_str();
   app->add_option("--missing-seconds", c.missing_frac, "part of the seconds that are missing altogether")
-      ->check(cli::Range(0.0, 0.99));
+      ->check(cli::Range(0.0, kMostMissing));
   app->add_flag("--core-only", o->core_only, "the chain and its score only: no least squares, double reference, DP");
   app->add_option("--residual-every", c.residual_every, "DP curve of the residual in every n-th run (0: none)")
       ->capture_default_str();
@@ -76,8 +77,9 @@ void add_options(cli::App* app, Options* o) {
 
 Exit publish(const Options& o, const CampaignPlan& plan, const CampaignResult& result) {
   const Json json = campaign_json(plan, result);
+  const std::string text = campaign_text(json); // before a file that is there is given up for the result
   if (o.common.wants_json()) write_json(o.common.json_path, json);
-  if (o.common.talks()) say(stdout, campaign_text(json));
+  if (o.common.talks()) say(stdout, text);
   if (!o.strict || result.runs_done == 0) return Exit::kDone;
   const auto outside = [](const Json& x) {
     if (x.is_null()) return false;
@@ -119,9 +121,16 @@ Exit run_compare(Options o) {
     all.push_back(std::move(one));
   }
   bar.finish();
-  if (o.common.wants_json()) write_json(o.common.json_path, to_json(all, c));
+  const bool is_interrupted = all.size() < scenarios.size();
+  if (all.empty()) throw Error(Exit::kInterrupted, "interrupted before the first profile was done; nothing is written");
+  Json json = to_json(all, c);
+  json["interrupted"] = is_interrupted;
+  if (o.common.wants_json()) write_json(o.common.json_path, json);
   if (o.common.talks()) say(stdout, to_text(all, c));
-  return Exit::kDone;
+  if (!is_interrupted) return Exit::kDone;
+  notice("interrupted: " + std::to_string(all.size()) + " of " + std::to_string(scenarios.size()) +
+         " profiles are done");
+  return Exit::kInterrupted;
 }
 
 Exit run_campaign_command(Options o) {
@@ -148,7 +157,8 @@ Exit run_campaign_command(Options o) {
   const CampaignResult result = run_campaign(plan, progress, interrupted);
   bar.finish();
   if (!o.partial_path.empty()) write_partial(o.partial_path, c, result);
-  return publish(o, plan, result);
+  const Exit exit = publish(o, plan, result);
+  return result.is_interrupted ? Exit::kInterrupted : exit;
 }
 
 } // namespace

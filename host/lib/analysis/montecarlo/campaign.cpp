@@ -15,11 +15,22 @@
 namespace imucal {
 
 // The residual's DP type 2 needs something to predict.
+static bool has_markov(const ErrorModel& model) {
+  return std::any_of(model.markov.begin(), model.markov.end(), [](const Markov& m) { return m.sigma_dph > 0; });
+}
+
+std::vector<long> residual_windows(const CampaignOptions& options) {
+  std::vector<long> windows;
+  if (options.residual_every == 0 || !has_markov(options.model)) return windows;
+  const size_t duration_s = options.profile.temperatures(1.0).size();
+  for (const long n : {1L, 2L, 5L, 10L, 20L, 50L, 100L, 200L, 400L, 600L})
+    if (static_cast<size_t>(n) < duration_s / 4) windows.push_back(n);
+  return windows;
+}
+
 static void plan_residual(CampaignPlan* plan) {
-  bool has_markov = false;
-  for (const Markov& m : plan->options.model.markov) has_markov = has_markov || m.sigma_dph > 0;
-  if (!has_markov) plan->options.residual_every = 0;
-  if (plan->options.residual_every == 0) plan->dp_n.clear();
+  if (!has_markov(plan->options.model)) plan->options.residual_every = 0;
+  plan->dp_n = residual_windows(plan->options);
   if (plan->dp_n.empty()) return;
   ResidualExpectation expected = expect_residual(*plan);
   plan->residual_weight = std::move(expected.weight);
@@ -57,8 +68,6 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   plan.chain.white_from_s = plan.t_s.size() / 2;
   for (size_t i = 0; i < options.points; ++i)
     plan.temp_degc.push_back(lo + (hi - lo) * static_cast<double>(i) / static_cast<double>(options.points - 1));
-  for (const long n : {1L, 2L, 5L, 10L, 20L, 50L, 100L, 200L, 400L, 600L})
-    if (static_cast<size_t>(n) < plan.t_s.size() / 4) plan.dp_n.push_back(n);
   filter_config(plan.chain); // refuses what the filter cannot take, before the first run
   plan_residual(&plan);
   return plan;

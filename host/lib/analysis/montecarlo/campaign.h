@@ -46,10 +46,10 @@ std::vector<long> residual_windows(const CampaignOptions& options);
 struct CampaignPlan {
   CampaignOptions options;
   ChainSetup chain;
-  ThermalPolynomial truth;               // in the filter's normalisation
-  std::vector<double> t_s, chamber_degc; // of one test
-  std::vector<double> temp_degc;         // temperatures scored
-  std::vector<long> dp_n;                // windows of the residual's DP curve [s]; none without a Markov term
+  ThermalPolynomial truth;                          // in the filter's normalisation
+  std::vector<double> t_s, chamber_degc;            // of one test
+  std::vector<double> temp_degc;                    // temperatures scored
+  std::vector<long> dp_n;                           // residual_windows
   std::vector<std::vector<double>> residual_weight; // see residual.h
   std::vector<double> residual_model_dph;
 };
