@@ -148,6 +148,27 @@ def test_the_result_of_recover_is_not_written_over_it(folder):
     assert run("calibrate", "recover", "a.csv.part", "--json", "a.csv").returncode == 3 and (folder / "a.csv").read_text() == log_text(50)
 
 
+# ---- half of a file ----
+
+MEMBERS = {"two": lambda a, b: a + b, "zeros behind": lambda a, b: a + b + bytes(5000)}
+DAMAGED = {"a damaged second header": lambda a, b: a + b"\x1e" + b[1:], "another byte of it": lambda a, b: a + b[:1] + b"\x8a" + b[2:],
+           "cut to one byte": lambda a, b: a + b[:1], "junk behind": lambda a, b: a + b + b"junk", "cut": lambda a, b: a + b[:-4],
+           "a lost byte behind zeros": lambda a, b: a + bytes(10) + b[1:]}
+
+
+@pytest.mark.parametrize("name", [*MEMBERS, *DAMAGED])
+def test_every_member_of_a_packed_log_counts(folder, name):
+    text = log_text().encode()
+    data = {**MEMBERS, **DAMAGED}[name](gzip.compress(text[:20000]), gzip.compress(text[20000:]))
+    (folder / "log.csv.gz").write_bytes(data)
+    for done in (run("dp", "log.csv.gz", "--no-ratios", "--json", "-", "-q"), run("dp", "-", "--no-ratios", "--json", "-", "-q", stdin=open("log.csv.gz", "rb"))):
+        if name in MEMBERS:
+            plain = run("dp", "log.csv", "--no-ratios", "--json", "-", "-q")
+            assert done.returncode == 0 and json.loads(done.stdout)["curves"][0]["dp_dph"] == json.loads(plain.stdout)["curves"][0]["dp_dph"]
+        else:
+            assert done.returncode == 3 and "cannot be read: the gzip data" in done.stderr, (done.returncode, done.stderr)
+
+
 # ---- numbers that are none ----
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e400"])

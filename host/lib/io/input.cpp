@@ -1,24 +1,36 @@
 // SPDX-License-Identifier: MIT
 #include "io/input.h"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <new>
+#include <vector>
 
 #include "base/error.h"
 #include "io/output.h"
 
 namespace imucal {
 
+// zlib's own reader takes what follows a gzip member and is none for nothing: half a log would pass for the whole.
 struct Input::Handle {
-  gzFile file = nullptr;
+  int fd = -1;
   size_t size = 0;
+  bool is_known = false, is_packed = false; // known: the first bytes have been looked at
+  bool is_in_member = false;
+  z_stream inflating{};
+  std::vector<unsigned char> bytes = std::vector<unsigned char>(size_t{1} << 16); // as they lie in the file
+  size_t at = 0, filled = 0;
+
   ~Handle() {
-    if (file != nullptr) gzclose(file);
+    if (is_packed) inflateEnd(&inflating);
+    if (fd >= 0) ::close(fd);
   }
 };
 
@@ -38,12 +50,11 @@ Input::Input(const std::string& path) : path_(path), handle_(std::make_unique<Ha
   struct stat info {};
   if (path != "-" && ::stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode))
     throw data_error(path + ": is a folder, not a file");
-  errno = 0;
-  const int copy = path == "-" ? ::dup(STDIN_FILENO) : -1;
-  handle_->file = path == "-" ? (copy < 0 ? nullptr : gzdopen(copy, "rb")) : gzopen(path.c_str(), "rb");
-  if (handle_->file == nullptr) throw data_error(input_name(path) + ": cannot open: " + std::strerror(errno));
+  handle_->fd = path == "-" ? ::dup(STDIN_FILENO) : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (handle_->fd < 0) throw data_error(input_name(path) + ": cannot open: " + std::strerror(errno));
   protect_from_writing(path);
-  gzbuffer(handle_->file, 1U << 16); // reads of twice as much go past it
+  if (input_name(path) != path)
+    protect_from_writing(path.substr(0, path.rfind(".csv"))); // beside the imported log: its source
   if (path != "-" && S_ISREG(info.st_mode)) handle_->size = static_cast<size_t>(info.st_size);
 }
 
@@ -53,17 +64,65 @@ size_t Input::size() const {
 
 Input::~Input() = default;
 
-size_t Input::read(char* to, size_t size) {
-  const int n = gzread(handle_->file, to, static_cast<unsigned>(size));
-  int code = Z_OK;
-  const char* text = gzerror(handle_->file, &code);
-  if (n < 0 || code == Z_BUF_ERROR) {
-    const std::string reason = code == Z_ERRNO       ? std::strerror(errno)
-                               : code == Z_BUF_ERROR ? "the gzip data end too early"
-                                                     : text;
-    throw data_error(input_name(path_) + ": cannot be read: " + reason);
+void Input::fail(const std::string& problem) const {
+  throw data_error(input_name(path_) + ": cannot be read: " + problem);
+}
+
+size_t Input::read_file(void* to, size_t size) {
+  for (;;) {
+    const ssize_t n = ::read(handle_->fd, to, size);
+    if (n >= 0) return static_cast<size_t>(n);
+    if (errno != EINTR) fail(std::strerror(errno));
   }
-  return static_cast<size_t>(n);
+}
+
+void Input::look() {
+  Handle& h = *handle_;
+  h.is_known = true;
+  while (h.filled < 2) {
+    const size_t n = read_file(h.bytes.data() + h.filled, h.bytes.size() - h.filled);
+    if (n == 0) return;
+    h.filled += n;
+  }
+  if (h.bytes[0] != 0x1f || h.bytes[1] != 0x8b) return;
+  constexpr int kGzip = 15 + 16; // the largest window, a gzip header
+  if (inflateInit2(&h.inflating, kGzip) != Z_OK) throw std::bad_alloc();
+  h.is_packed = true;
+}
+
+size_t Input::read(char* to, size_t size) {
+  Handle& h = *handle_;
+  if (!h.is_known) look();
+  if (h.is_packed) return unpack(to, size);
+  if (h.at == h.filled) return read_file(to, size);
+  const size_t n = std::min(size, h.filled - h.at);
+  std::memcpy(to, h.bytes.data() + h.at, n);
+  h.at += n;
+  return n;
+}
+
+size_t Input::unpack(char* to, size_t size) {
+  Handle& h = *handle_;
+  z_stream& z = h.inflating;
+  z.next_out = reinterpret_cast<Bytef*>(to);
+  z.avail_out = static_cast<uInt>(size);
+  while (z.avail_out == size) {
+    if (h.at == h.filled) h.at = 0, h.filled = read_file(h.bytes.data(), h.bytes.size());
+    if (h.filled == 0 && h.is_in_member) fail("the gzip data end too early");
+    if (h.filled == 0) return 0;
+    // Between members: zeros fill a block of a tape, anything else is a member.
+    if (!h.is_in_member && h.bytes[h.at] == 0 && ++h.at > 0) continue;
+    if (!h.is_in_member) inflateReset(&z);
+    h.is_in_member = true;
+    z.next_in = h.bytes.data() + h.at;
+    z.avail_in = static_cast<uInt>(h.filled - h.at);
+    const int code = inflate(&z, Z_NO_FLUSH);
+    h.at = h.filled - z.avail_in;
+    if (code == Z_STREAM_END) h.is_in_member = false;
+    if (code != Z_OK && code != Z_STREAM_END && code != Z_BUF_ERROR)
+      fail(std::string("the gzip data are damaged: ") + (z.msg != nullptr ? z.msg : "no gzip"));
+  }
+  return size - z.avail_out;
 }
 
 void strip_byte_order_mark(const std::string& path, std::string* first) {

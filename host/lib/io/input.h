@@ -16,13 +16,17 @@ public:
   Input(const Input&) = delete;
   Input& operator=(const Input&) = delete;
 
-  // Up to `size` bytes; 0 at the end.  data_error: read failure, damaged or cut gzip.
+  // Up to `size` bytes; 0 at the end.  data_error: read failure, gzip that is damaged, cut, or followed by something else.
   size_t read(char* to, size_t size);
   // Of the file as it lies there, packed or not; 0 where that is not known.
   size_t size() const;
 
 private:
   struct Handle;
+  void look();                             // plain or gzip?
+  size_t read_file(void* to, size_t size); // as it lies there
+  size_t unpack(char* to, size_t size);
+  [[noreturn]] void fail(const std::string& problem) const;
   std::string path_;
   std::unique_ptr<Handle> handle_;
 };
