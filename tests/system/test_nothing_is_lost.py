@@ -169,6 +169,35 @@ def test_every_member_of_a_packed_log_counts(folder, name):
             assert done.returncode == 3 and "cannot be read: the gzip data" in done.stderr, (done.returncode, done.stderr)
 
 
+@pytest.mark.parametrize("size", ["limit", "signal"])
+@pytest.mark.parametrize("there", [False, True])
+def test_a_write_that_ends_early_leaves_nothing(folder, size, there):
+    long = {**PROFILE, "segments": [{"rate_degc_per_min": 0.01, "to_degc": 60}]}
+    (folder / "long.json").write_text(json.dumps(long))
+    if there:
+        (folder / "out.csv").write_text("old")
+    before = contents(folder)
+    command = ("--model", "m.json", "--profile", "long.json", "-o", "out.csv", "-q")
+    if size == "limit":
+        done = run("gyrosim", "log", *command, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
+        assert done.returncode == 3 and "out.csv: cannot write: File too large" in done.stderr, (done.returncode, done.stderr)
+    else:
+        child = subprocess.Popen([BIN / "gyrosim", "log", *command])
+        while child.poll() is None and not list(folder.glob("out.csv.part*")):
+            time.sleep(0.0005)
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(timeout=60) == -signal.SIGTERM
+    assert contents(folder) == before
+
+
+def test_a_name_as_long_as_the_system_takes_is_written(folder):
+    name = "n" * 250
+    assert run("dp", "log.csv", "--no-ratios", "--json", name).returncode == 0 and json.loads((folder / name).read_text())
+    assert "does the folder exist?" in run("dp", "log.csv", "--no-ratios", "--json", "none/x").stderr
+    done = run("dp", "log.csv", "--no-ratios", "--json", "n" * 300)
+    assert done.returncode == 3 and "too long" in done.stderr and "folder" not in done.stderr
+
+
 # ---- numbers that are none ----
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e400"])

@@ -4,7 +4,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -59,11 +62,55 @@ void write_in_place(const std::string& path, const std::function<void(std::ostre
   if (!out) cannot_write(path, errno != 0 ? std::strerror(errno) : "the device failed");
 }
 
+// Takes the file that is being written away where a signal ends the program meanwhile.  A signal that somebody waits for, or that
+// is ignored, is left to them.
+class RemovedBySignal {
+public:
+  explicit RemovedBySignal(const std::string& part) {
+    mutex_.lock();
+    const size_t n = std::min(part.size(), name_.size() - 1);
+    std::copy_n(part.begin(), n, name_.begin());
+    name_[n] = 0;
+    struct sigaction action {};
+    action.sa_handler = [](int signal) {
+      ::unlink(name_.data());
+      (void)std::raise(signal); // as before the guard: SA_RESETHAND
+    };
+    action.sa_flags = static_cast<int>(SA_RESETHAND);
+    for (size_t i = 0; i < kSignals.size(); ++i) {
+      is_taken_[i] = ::sigaction(kSignals[i], nullptr, &before_[i]) == 0 && before_[i].sa_handler == SIG_DFL;
+      if (is_taken_[i]) ::sigaction(kSignals[i], &action, nullptr);
+    }
+  }
+  ~RemovedBySignal() {
+    for (size_t i = 0; i < kSignals.size(); ++i)
+      if (is_taken_[i]) ::sigaction(kSignals[i], &before_[i], nullptr);
+    mutex_.unlock();
+  }
+  RemovedBySignal(const RemovedBySignal&) = delete;
+  RemovedBySignal& operator=(const RemovedBySignal&) = delete;
+
+private:
+  static constexpr std::array<int, 4> kSignals = {SIGINT, SIGTERM, SIGHUP, SIGQUIT};
+  static inline std::mutex mutex_;
+  static inline std::array<char, 8192> name_; // longer than any path
+  std::array<struct sigaction, kSignals.size()> before_{};
+  std::array<bool, kSignals.size()> is_taken_{};
+};
+
+// In the same folder; a long name is cut, so that what is put behind it fits.
+std::string name_aside(const std::string& path) {
+  constexpr size_t kLongestName = 230; // of the 255 bytes of most file systems
+  const size_t slash = path.rfind('/'), name_at = slash == std::string::npos ? 0 : slash + 1;
+  return path.substr(0, name_at) + path.substr(name_at, kLongestName) + ".part" + std::to_string(::getpid());
+}
+
 void write_aside(const std::string& path, const std::function<void(std::ostream&)>& write) {
-  const std::string part = path + ".part" + std::to_string(::getpid());
+  const std::string part = name_aside(path);
+  const RemovedBySignal guard(part);
   errno = 0;
   std::ofstream out(part, std::ios::binary);
-  if (!out) cannot_write(path, std::string(std::strerror(errno)) + "; does the folder exist?");
+  if (!out) cannot_write(path, std::string(std::strerror(errno)) + (errno == ENOENT ? "; does the folder exist?" : ""));
   try {
     write(out);
   } catch (...) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Writing files so that nothing half-written stays: to a temporary name in the same folder, then rename; through a symbolic
-// link its target.  A device or pipe is written to as it is, "-" is standard output.
+// link its target.  A device or pipe is written to as it is, "-" is standard output.  A signal that ends the program takes the
+// temporary file with it.
 // data_error (cannot be created, full, a folder): what was there is untouched.
 #pragma once
 #include <functional>

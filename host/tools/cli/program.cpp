@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <iostream>
@@ -123,6 +124,7 @@ int run_program(cli::App* program, int argc, char** argv, const std::function<Ex
   CLI::App* app = &program->behind();
   const std::string name = app->get_name();
   set_notice_sink([name](const std::string& message) { complain(name, "note: " + message); });
+  std::signal(SIGXFSZ, SIG_IGN); // a file beyond the limit of its size is an error to be told, and no end
   app->set_version_flag("--version", name + " (imucal) " IMUCAL_VERSION);
   try {
     std::vector<std::string> words = common_behind(*app, argc, argv);
