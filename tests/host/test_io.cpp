@@ -13,6 +13,7 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <string>
 #include <vector>
 extern "C" {
@@ -22,6 +23,7 @@ extern "C" {
 #include "base/error.h"
 #include "base/suggest.h"
 #include "base/units.h"
+#include "io/input.h"
 #include "io/json_file.h"
 #include "io/kept_numbers.h"
 #include "io/log.h"
@@ -401,10 +403,11 @@ static void test_model_round_trip(void**) {
                 R"({"imucal_model":1,"arw_deg_rt_h":0.6,"markov":[{"sigma_dph":20,"tau_s":100}],"turn_on_sigma_dph":5,
           "bias":{"t0_degc":30,"range_degc":30,"coeff_dph":[80,300,150,-100]},
           "effects":[{"name":"rate_ramp","parameters":{"ramp_dph_per_h":3}}]})");
+  const std::string again = scratch("again.json");
   const ErrorModel model = read_model(path);
-  write_json(path, to_json(model));
-  const ErrorModel back = read_model(path);
-  std::remove(path.c_str());
+  write_json(again, to_json(model));
+  const ErrorModel back = read_model(again);
+  for (const std::string& name : {path, again}) std::remove(name.c_str());
   assert_true(back.arw_deg_rt_h == 0.6 && back.turn_on_sigma_dph == 5);
   assert_true(back.markov.size() == 1 && back.markov[0].sigma_dph == 20 && back.markov[0].tau_s == 100);
   assert_true(back.bias->coeff_dph == model.bias->coeff_dph);
@@ -588,8 +591,43 @@ static void test_kept_numbers_that_cannot_be_written_say_where(void**) {
   assert_says(refusal([&] { write_kept_numbers(path, "key", {1}); }), path + ": cannot write");
 }
 
+static void test_a_log_that_nothing_would_read_is_not_written(void**) {
+  const std::string path = file_with("infinite.csv", "old");
+  Log log;
+  log.t_s = {1, 2};
+  log.temp_degc = {20, std::numeric_limits<double>::infinity()};
+  log.axes.push_back({"gx_dph", 1.0, true, {5, 6}, {}});
+  assert_says(refusal([&] { write_log(path, log); }), "infinite");
+  log.temp_degc[1] = 21;
+  log.axes[0].rate_dph[0] = -std::numeric_limits<double>::infinity();
+  assert_says(refusal([&] { write_log(path, log); }), "infinite");
+  assert_string_equal(read_text(path).c_str(), "old");
+  std::remove(path.c_str());
+}
+
+// Whoever opens a file by the input room keeps it from the results, by whatever name.
+static void test_what_was_opened_is_not_written(void**) {
+  const std::string path = file_with("read.txt", "kept"), link = scratch("link.txt"), other = scratch("other.txt");
+  assert_int_equal(::symlink(path.c_str(), link.c_str()), 0);
+  write_text(path, "kept"); // not yet read
+  assert_string_equal(read_text(path).c_str(), "kept");
+  for (const std::string& name : {path, link}) {
+    assert_says(refusal([&] { write_text(name, "lost"); }), "give another name");
+    assert_says(refusal([&] { refuse_protected(name); }), "give another name");
+  }
+  write_text(other, "new");
+  refuse_protected(other);
+  assert_true(is_same_file(path, link) && !is_same_file(path, other));
+  assert_true(is_same_file("none", "./none") && !is_same_file("none", "another"));
+  assert_true(!is_same_file("-", "-") && !is_same_file("/dev/null", "/dev/null"));
+  assert_string_equal(read_text(link).c_str(), "kept");
+  for (const std::string& name : {link, path, other}) std::remove(name.c_str());
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_a_log_that_nothing_would_read_is_not_written),
+      cmocka_unit_test(test_what_was_opened_is_not_written),
       cmocka_unit_test(test_log_written_reads_back),
       cmocka_unit_test(test_log_units_become_dph_and_mg),
       cmocka_unit_test(test_log_axes_are_named_in_the_units_inside),

@@ -64,7 +64,7 @@ size_t Input::size() const {
 
 Input::~Input() = default;
 
-void Input::fail(const std::string& problem) const {
+void Input::refuse(const std::string& problem) const {
   throw data_error(input_name(path_) + ": cannot be read: " + problem);
 }
 
@@ -72,7 +72,7 @@ size_t Input::read_file(void* to, size_t size) {
   for (;;) {
     const ssize_t n = ::read(handle_->fd, to, size);
     if (n >= 0) return static_cast<size_t>(n);
-    if (errno != EINTR) fail(std::strerror(errno));
+    if (errno != EINTR) refuse(std::strerror(errno));
   }
 }
 
@@ -108,7 +108,7 @@ size_t Input::unpack(char* to, size_t size) {
   z.avail_out = static_cast<uInt>(size);
   while (z.avail_out == size) {
     if (h.at == h.filled) h.at = 0, h.filled = read_file(h.bytes.data(), h.bytes.size());
-    if (h.filled == 0 && h.is_in_member) fail("the gzip data end too early");
+    if (h.filled == 0 && h.is_in_member) refuse("the gzip data end too early");
     if (h.filled == 0) return 0;
     // Between members: zeros fill a block of a tape, anything else is a member.
     if (!h.is_in_member && h.bytes[h.at] == 0 && ++h.at > 0) continue;
@@ -120,7 +120,7 @@ size_t Input::unpack(char* to, size_t size) {
     h.at = h.filled - z.avail_in;
     if (code == Z_STREAM_END) h.is_in_member = false;
     if (code != Z_OK && code != Z_STREAM_END && code != Z_BUF_ERROR)
-      fail(std::string("the gzip data are damaged: ") + (z.msg != nullptr ? z.msg : "no gzip"));
+      refuse(std::string("the gzip data are damaged: ") + (z.msg != nullptr ? z.msg : "no gzip"));
   }
   return size - z.avail_out;
 }

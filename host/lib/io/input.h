@@ -26,7 +26,7 @@ private:
   void look();                             // plain or gzip?
   size_t read_file(void* to, size_t size); // as it lies there
   size_t unpack(char* to, size_t size);
-  [[noreturn]] void fail(const std::string& problem) const;
+  [[noreturn]] void refuse(const std::string& problem) const;
   std::string path_;
   std::unique_ptr<Handle> handle_;
 };
