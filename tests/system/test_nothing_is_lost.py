@@ -30,6 +30,10 @@ def log_text(n=1200, seed=1):
     return "# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "".join(f"{i + 1},{temp[i]:.3f},{rate[i]:.3f}\n" for i in range(n))
 
 
+def foreign_text(n):
+    return "time_s,gx_dps,gy_dps,gz_dps,temp_c\n" + "".join(f"{i},{0.01 * (i % 7)},{0.02 * (i % 5)},{0.03 * (i % 11)},{20 + i / n}\n" for i in range(n))
+
+
 def raw_text(*metadata):
     rows = "".join(f"{i / 4:.2f},24.8,{22 + i % 3}\n" for i in range(400))
     return "# imucal-log = 1\n# rate_hz = 4\n" + "".join(f"# {line}\n" for line in metadata) + "t_s,temp_degc,gx_counts\n" + rows
@@ -64,6 +68,13 @@ def test_what_was_read_is_not_written_over(folder, command):
     done = run(*command.split())
     assert done.returncode == 3 and "it is a file that was read; give another name" in done.stderr, (done.returncode, done.stderr)
     assert contents(folder) == before
+
+
+def test_the_source_of_an_imported_log_is_not_written_over(folder):
+    (folder / "other.csv").write_text(foreign_text(300))
+    before = contents(folder)
+    done = run("imucal", "dp", "other.csv", "--no-ratios", "--json", "other.csv")
+    assert done.returncode == 3 and "other.csv: cannot write: it is a file that was read" in done.stderr and contents(folder) == before, done.stderr
 
 
 def test_a_page_or_verdict_is_not_written_over_its_source(folder):
@@ -188,6 +199,19 @@ def test_a_write_that_ends_early_leaves_nothing(folder, size, there):
         child.send_signal(signal.SIGTERM)
         assert child.wait(timeout=60) == -signal.SIGTERM
     assert contents(folder) == before
+
+
+@pytest.mark.parametrize("delay_s", [0.05, 0.2, 0.5, 1])
+@pytest.mark.parametrize("ends", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_import_leaves_no_folder(folder, delay_s, ends):
+    (folder / "other.csv").write_text(foreign_text(40000))
+    (folder / "tmp").mkdir()
+    child = subprocess.Popen([BIN / "imucal", "dp", "other.csv", "-q"], env={**os.environ, "TMPDIR": str(folder / "tmp")}, stderr=subprocess.DEVNULL,
+                             start_new_session=True)
+    time.sleep(delay_s)
+    os.killpg(child.pid, ends)
+    child.wait(timeout=60)
+    assert not list((folder / "tmp").iterdir())
 
 
 def test_a_name_as_long_as_the_system_takes_is_written(folder):

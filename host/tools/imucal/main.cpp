@@ -5,7 +5,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 
@@ -67,9 +69,52 @@ const Subcommand* find_subcommand(const std::string& name) {
   std::_Exit(static_cast<int>(Exit::kUsage));
 }
 
+// While a scratch folder is there a signal ends the child alone: this program takes the folder away and ends after it.
+class PassedOn {
+public:
+  PassedOn() {
+    struct sigaction action {};
+    action.sa_flags = SA_SIGINFO;
+    action.sa_sigaction = [](int signal, siginfo_t* info, void*) {
+      caught_ = signal;
+      // A terminal sends it to the child too, whom a second one would kill.
+      if (info->si_code <= 0 && child_ > 0) ::kill(child_, signal);
+    };
+    for (const int signal : kSignals) {
+      struct sigaction before {};
+      if (::sigaction(signal, nullptr, &before) == 0 && before.sa_handler == SIG_DFL) {
+        ::sigaction(signal, &action, nullptr);
+        sigaddset(&taken_, signal);
+      }
+    }
+  }
+  PassedOn(const PassedOn&) = delete;
+  PassedOn& operator=(const PassedOn&) = delete;
+
+  static int caught() { return caught_; } // the signal; 0: none
+  // A child in whom signals do what they did before; none may come in between.
+  pid_t fork() {
+    sigset_t before;
+    sigprocmask(SIG_BLOCK, &taken_, &before);
+    child_ = ::fork();
+    if (child_ == 0)
+      for (const int signal : kSignals)
+        if (sigismember(&taken_, signal)) ::signal(signal, SIG_DFL);
+    sigprocmask(SIG_SETMASK, &before, nullptr);
+    return child_;
+  }
+
+private:
+  static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
+  static inline std::atomic<int> caught_{0};
+  static inline std::atomic<pid_t> child_{0};
+  sigset_t taken_ = {};
+};
+
 // Exit status of a child; 128 + signal where one ended it, as shells say it.
-int run_child(const std::vector<std::string>& command) {
-  const pid_t pid = ::fork();
+int run_child(PassedOn* signals, const std::vector<std::string>& command) {
+  if (PassedOn::caught() != 0) return 128 + PassedOn::caught();
+  const pid_t pid = signals->fork();
   if (pid < 0) throw usage_error(std::string("cannot start a process: ") + std::strerror(errno));
   if (pid == 0) become(command);
   int status = 0;
@@ -111,6 +156,7 @@ private:
 // The program on imported copies of its foreign logs.  Allan deviations need no temperature: what does, says
 // so.
 int run_on_imported(const Places& places, const std::string& program, std::vector<std::string> arguments) {
+  PassedOn signals;
   const Scratch scratch;
   ::setenv("IMUCAL_IMPORTED_IN", scratch.path().c_str(), 1); // messages name the user's file (io/input.cpp)
   int n = 0;
@@ -120,14 +166,16 @@ int run_on_imported(const Places& places, const std::string& program, std::vecto
     if (follows_option || foreign_format(argument).empty()) continue;
     const fs::path folder = scratch.path() / std::to_string(n++);
     fs::create_directory(folder);
-    const std::string log = (folder / (fs::path(argument).filename().string() + ".csv")).string();
+    const fs::path source = fs::path(argument).filename();
+    fs::create_symlink(fs::absolute(argument), folder / source); // the program must not write over it (io/input.cpp)
+    const std::string log = (folder / (source.string() + ".csv")).string();
     std::vector<std::string> import = python_command(places, "import");
     import.insert(import.end(), {argument, "-o", log, "--without-temp", "--notes-only"});
-    if (const int status = run_child(import)) return status;
+    if (const int status = run_child(&signals, import)) return status;
     argument = log;
   }
   arguments.insert(arguments.begin(), program);
-  return run_child(arguments);
+  return run_child(&signals, arguments);
 }
 
 int dispatch(const Places& places, const Subcommand& subcommand, std::vector<std::string> arguments) {
