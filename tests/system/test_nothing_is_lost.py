@@ -284,6 +284,45 @@ def test_metadata_say_one_thing(folder):
     assert run("dp", "raw.csv", "--no-ratios").returncode == 0
 
 
+@pytest.mark.parametrize("grid", ["log:1:100:1e9", "log:1:1e9:1e6"])
+def test_a_grid_without_end_is_refused_at_once(folder, grid):
+    done = run("dp", "log.csv", "--no-ratios", "--tau", grid)
+    assert done.returncode == 2 and grid in done.stderr and "more than a million points" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["errormodel expect m.json --duration-s 1e308", "profile optimize --model m.json --order 3 --range 0:60 --max-rate 2 --duration-s 1e308"])
+def test_more_than_a_machine_holds_is_said_with_a_remedy(folder, command):
+    done = run(*command.split())
+    assert done.returncode == 3 and "internal" not in done.stderr and "give a shorter duration" in done.stderr, done.stderr
+
+
+EFFECTS = {"beyond": ({"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 40, "width_degc": 1e308}}, "thermal_hysteresis.width_degc"),
+           "unknown": ({"name": "x"}, 'effect "x" is not in the library')}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_wrong_effect_is_named_by_file_and_place(folder, name):
+    wrong, words = EFFECTS[name]
+    good = {"name": "rate_ramp", "parameters": {"ramp_dph_per_h": 1}}
+    (folder / "wrong.json").write_text(json.dumps({**MODEL, "effects": [good, wrong]}))
+    (folder / "list.json").write_text(json.dumps([good, wrong]))
+    for command, place in (("gyrosim log --model m.json --profile p.json --effects list.json -o x", "list.json[1]"),
+                           ("gyrosim log --model wrong.json --profile p.json -o x", "wrong.json: effects[1]"),
+                           ("montecarlo --model wrong.json --profile p.json --order 3 --runs 1", "wrong.json: effects[1]")):
+        done = run(*command.split())
+        assert done.returncode == 3 and place in done.stderr and words in done.stderr, done.stderr
+    (folder / "form.json").write_text(json.dumps({**MODEL, "effects": [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 40, "width_degc": 5}}]}))
+    assert "form.json: effects[0]: effect" in run("errormodel", "expect", "form.json").stderr
+
+
+def test_no_table_without_end_is_read(folder):
+    (folder / "d.bin").mkdir()
+    (folder / "z.bin").symlink_to("/dev/zero")
+    for name, words in (("d.bin", "is a folder"), ("z.bin", "z.bin: ")):
+        done = run("calibrate", "--port", "/dev/null", "flash", name)
+        assert done.returncode == 3 and words in done.stderr and "internal" not in done.stderr, done.stderr
+
+
 # ---- shards of a campaign ----
 
 @pytest.fixture(scope="module")

@@ -48,6 +48,7 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
     field.only({"name", "parameters", "axis", "log"});
     EffectSpec effect;
     effect.name = field.at("name").text();
+    effect.place = field.place();
     if (const auto parameters = field.find("parameters")) {
       if (!parameters->json().is_object()) parameters->refuse("expected an object {...}");
       effect.parameters = parameters->json();

@@ -59,8 +59,9 @@ constexpr double kUsualT0_degc = 30, kUsualRange_degc = 30;
 struct EffectSpec {
   std::string name;
   Json parameters = Json::object();
-  std::string axis = {}; // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
-  long log = -1;         // simulated in the log of this index only; -1: in all
+  std::string axis = {};  // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
+  long log = -1;          // simulated in the log of this index only; -1: in all
+  std::string place = {}; // in its file, for messages; empty: of no file
 };
 
 // Of an accelerometer the members named _dph are in mg, and 60 arw_deg_rt_h is its white noise in mg/sqrt(Hz), which is the

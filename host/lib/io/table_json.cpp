@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "io/table_json.h"
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstring>
 #include <ctime>
-#include <fstream>
 #include <iterator>
 #include <sstream>
 
 #include "base/error.h"
+#include "io/input.h"
 #include "io/json_file.h"
 #include "io/output.h"
 #include "num.h"
@@ -280,9 +279,13 @@ imucal_table_t table_from_json(const JsonField& field) {
 
 imucal_table_t read_table(const std::string& path) {
   if (!is_binary(path)) return table_from_json(read_json(path));
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw data_error(path + ": cannot be opened: " + std::strerror(errno));
-  return table_from_bytes({std::istreambuf_iterator<char>(file), {}}, path);
+  Input file(path);
+  std::vector<uint8_t> bytes(2 * IMUCAL_TABLE_MAX_BYTES); // no table is that long
+  size_t n_bytes = 0;
+  while (const size_t n = file.read(reinterpret_cast<char*>(bytes.data()) + n_bytes, bytes.size() - n_bytes))
+    n_bytes += n;
+  bytes.resize(n_bytes);
+  return table_from_bytes(bytes, path);
 }
 
 std::vector<uint8_t> table_bytes(const imucal_table_t& table, const std::string& place) {

@@ -12,6 +12,8 @@
 #include <cstdio>
 #include <cstring>
 #include <iostream>
+#include <new>
+#include <stdexcept>
 #include <thread>
 
 #include "base/wrap.h"
@@ -118,6 +120,13 @@ Exit checked_output(const std::string& name, Exit exit) {
   return Exit::kData;
 }
 
+int out_of_memory(const std::string& name) {
+  complain(name, "out of memory: more is asked for than this machine can hold; give a shorter duration or log, a "
+                 "larger step, or fewer "
+                 "values (--tau), axes or threads");
+  return static_cast<int>(Exit::kData);
+}
+
 } // namespace
 
 int run_program(cli::App* program, int argc, char** argv, const std::function<Exit()>& run) {
@@ -145,8 +154,9 @@ int run_program(cli::App* program, int argc, char** argv, const std::function<Ex
     complain(name, e.what());
     return static_cast<int>(e.exit());
   } catch (const std::bad_alloc&) {
-    complain(name, "out of memory");
-    return static_cast<int>(Exit::kData);
+    return out_of_memory(name);
+  } catch (const std::length_error&) { // of a vector that no machine could hold
+    return out_of_memory(name);
   } catch (const std::exception& e) {
     complain(name, std::string("internal error: ") + e.what());
     return static_cast<int>(Exit::kData);

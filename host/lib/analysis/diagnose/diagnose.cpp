@@ -42,11 +42,11 @@ NoiseBelief belief_of(const DiagnoseOptions& options, const ErrorModel& model, c
   if (belief.has_believed && !(belief.model.white_sigma_dph > 0)) belief.model.white_sigma_dph = 1e-3;
   belief.model = known_noise(model, axis, belief.model);
   for (const EffectSpec& spec : model.effects) {
-    const Effect& effect = find_effect(spec.name);
+    const Effect& effect = find_effect(spec);
     const EffectEstimator* estimator = effect.estimator();
     if (!is_for(spec, axis) || !estimator || !estimator->is_repeatable()) continue;
     // The shape is what stands last among the numbers; what stands before are amplitudes.
-    Theta shape = theta_of(effect, read_parameters(effect, spec.parameters));
+    Theta shape = theta_of(effect, read_parameters(spec));
     const size_t n = estimator->shape_lo().size();
     shape.erase(shape.begin(), shape.end() - static_cast<long>(std::min(n, shape.size())));
     if (shape.size() == n) belief.known.push_back({estimator, shape});
@@ -73,9 +73,9 @@ Theta theta_of(const Effect& effect, const Parameters& parameters) {
 // The noise with the effects that the model itself already holds.
 NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseModel noise) {
   for (const EffectSpec& spec : model.effects) {
-    const Effect& effect = find_effect(spec.name);
+    const Effect& effect = find_effect(spec);
     if (is_for(spec, axis) && effect.estimator() && effect.estimator()->form() == Form::kNoise)
-      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(effect, spec.parameters)));
+      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(spec)));
   }
   return noise;
 }
@@ -107,7 +107,7 @@ std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel
   std::vector<std::pair<std::string, std::string>> left;
   for (const EffectSpec& spec : model.effects) {
     if (!is_for(spec, axis)) continue;
-    const Effect& effect = find_effect(spec.name);
+    const Effect& effect = find_effect(spec);
     const EffectEstimator* estimator = effect.estimator();
     const bool is_mean = estimator && (estimator->form() == Form::kColumns || estimator->form() == Form::kSteps ||
                                        estimator->form() == Form::kTemperature);
@@ -115,7 +115,7 @@ std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel
       if (!estimator || estimator->form() != Form::kNoise) left.push_back({spec.name, why_left(estimator)});
       continue;
     }
-    const Parameters parameters = read_parameters(effect, spec.parameters);
+    const Parameters parameters = read_parameters(spec);
     if (const std::string column = missing_column(effect, parameters, *campaign); !column.empty()) {
       left.push_back({spec.name, "not every log has the column " + column});
       continue;

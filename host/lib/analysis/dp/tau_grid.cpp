@@ -79,6 +79,8 @@ std::vector<double> parse_tau(const std::string& text, double dt_s, double longe
   } else if (starts_with(text, "log:")) {
     const auto v = numbers(text.substr(4), ':', text);
     check(v, 2, 3);
+    if (v.size() > 2 && v[2] * std::log10(v[1] / v[0]) > 1e6)
+      throw usage_error("--tau " + text + ": more than a million points");
     logarithmic(v[0], v[1], v.size() > 2 ? v[2] : 20);
   } else if (text.find(':') != std::string::npos) {
     const auto v = numbers(text, ':', text);

@@ -69,8 +69,7 @@ ThermalPolynomial standard_polynomial(const CalibrationSetup& setup) {
 
 // An effect that is judged, and its first parameter that is not 0: all amplitudes come first.
 struct KnownEffect {
-  explicit KnownEffect(const EffectSpec& spec)
-      : effect(&find_effect(spec.name)), parameters(read_parameters(*effect, spec.parameters)) {
+  explicit KnownEffect(const EffectSpec& spec) : effect(&find_effect(spec)), parameters(read_parameters(spec)) {
     for (const ParameterValue& value : parameters)
       if (value.kind == EffectParameter::kNumber && value.number.value != 0) {
         amplitude_name = value.name, amplitude = std::abs(value.number.value);

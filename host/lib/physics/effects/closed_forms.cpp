@@ -12,10 +12,9 @@ static NoiseComponent component_of(const EffectSpec& spec, double dt_s) {
     const JsonField field(spec.parameters, "effect " + spec.name);
     return angle_component(field.at("q_arcsec").number(0, 1e9) / dt_s);
   }
-  const Effect& effect = find_effect(spec.name);
-  const auto component = effect.closed_form(read_parameters(effect, spec.parameters), dt_s);
+  const auto component = find_effect(spec).closed_form(read_parameters(spec), dt_s);
   if (!component)
-    throw data_error("effect \"" + spec.name +
+    throw data_error((spec.place.empty() ? "" : spec.place + ": ") + "effect \"" + spec.name +
                      "\" has no closed form with these parameters: simulate it (gyrosim log), then dp");
   return *component;
 }

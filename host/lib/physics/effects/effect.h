@@ -132,6 +132,7 @@ public:
 // known names.
 const std::vector<const Effect*>& effect_library();
 const Effect& find_effect(const std::string& name);
+const Effect& find_effect(const EffectSpec& spec); // the message names its place too
 
 // Adds an effect from outside the folder (a test's, a user's) to the library; before anything asks for it.
 void add_effect(const Effect& effect);

@@ -101,4 +101,12 @@ const Effect& find_effect(const std::string& name) {
   throw data_error("effect \"" + name + "\" is not in the library (known: " + known + ")");
 }
 
+const Effect& find_effect(const EffectSpec& spec) {
+  try {
+    return find_effect(spec.name);
+  } catch (const Error& error) {
+    throw spec.place.empty() ? error : data_error(spec.place + ": " + error.what());
+  }
+}
+
 } // namespace imucal

@@ -145,6 +145,10 @@ Parameters read_parameters(const Effect& effect, const Json& json, const std::st
   return values;
 }
 
+Parameters read_parameters(const EffectSpec& spec) {
+  return read_parameters(find_effect(spec), spec.parameters, spec.place.empty() ? "effects" : spec.place);
+}
+
 Json parameters_json(const Parameters& parameters) {
   Json out = Json::object();
   for (const ParameterValue& value : parameters) out[value.name] = value_json(value);

@@ -88,6 +88,9 @@ private:
 // kind.
 Parameters read_parameters(const Effect& effect, const Json& json, const std::string& place = "effects");
 
+// Of an effect as a file names it, which the messages name.
+Parameters read_parameters(const EffectSpec& spec);
+
 // To JSON: {"amplitude_dph": 12, …}, and the standard errors that are known, by the same names.
 Json parameters_json(const Parameters& parameters);
 Json std_errors_json(const Parameters& parameters);

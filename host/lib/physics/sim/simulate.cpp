@@ -205,7 +205,7 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
     for (const std::vector<EffectSpec>* list : {&model.effects, &effects})
       for (const EffectSpec& spec : *list) {
         if (acts_on(spec, names, a, options.log_index))
-          active.push_back({&find_effect(spec.name), read_parameters(find_effect(spec.name), spec.parameters), place});
+          active.push_back({&find_effect(spec), read_parameters(spec), place});
         ++place;
       }
     AxisSimulator(active, &axis.run, address).go(options, axis.turn_on_dph);
