@@ -124,10 +124,10 @@ std::string signature_text(const SignatureTable& table, const std::string& unit)
   }
   std::string named;
   for (size_t i = 0; i < n; ++i)
-    named += (named.empty() ? "" : ", ") + table.effects[i].name +
-             (is_seen(table, i)
-                  ? " from " + in_digits(table.needed[i], 2) + " " + unit_of(table.amplitude[i], unit) + " on"
-                  : " at no size");
+    named +=
+        (named.empty() ? "" : ", ") + table.effects[i].name +
+        (is_seen(table, i) ? " from " + in_digits(table.needed[i], 2) + " " + unit_of(table.amplitude[i], unit) + " on"
+                           : " at no size");
   if (!named.empty()) text += "  can be named: " + named + "\n";
   if (n > 1 && table.worst > 0) {
     std::snprintf(cell, sizeof cell, "  worst %.3f: ", table.worst);
