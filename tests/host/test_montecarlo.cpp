@@ -221,16 +221,18 @@ static void test_batch_leaves_what_it_cannot_do(void**) {
 static void test_merge_refuses_overlap_and_other_campaigns(void**) {
   const std::string path = "/tmp/imucal_test_mc_" + std::to_string(getpid());
   CampaignOptions options = options_of(3);
-  write_partial(path, options, campaign(options));
-  const Partial first = read_partial(path);
+  const auto through_a_file = [&] { // which is not written again: what was read is protected
+    write_partial(path, options, campaign(options));
+    const Partial read = read_partial(path);
+    std::remove(path.c_str());
+    return read;
+  };
+  const Partial first = through_a_file();
   options.first_run = 2;
-  write_partial(path, options, campaign(options));
-  const Partial overlapping = read_partial(path);
+  const Partial overlapping = through_a_file();
   options.first_run = 3;
   options.order = 4;
-  write_partial(path, options, campaign(options));
-  const Partial other = read_partial(path);
-  std::remove(path.c_str());
+  const Partial other = through_a_file();
   assert_contains(refusal([&] { merge_partials({overlapping, first}); }), "from run 2");
   assert_contains(refusal([&] { merge_partials({first, other}); }), "another campaign");
   std::ofstream(path) << R"({"imucal_model":1})";
