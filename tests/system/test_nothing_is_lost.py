@@ -59,6 +59,7 @@ def contents(folder):
     "dp log.csv --no-ratios --type dp2 --nominal m.json --json m.json", "errormodel fit log.csv --markov 0 --bootstrap 0 --nominal m.json -o m.json",
     "calibrate fit log.csv --model m.json --serial 1 -o m.json",
     "gyrosim log --model m.json --profile p.json -o m.json", "gyrosim log --model m.json --profile p.json -o p.json",
+    "diagnose --model m.json --log gone.csv --model-out m.json", "diagnose --model m.json --log gone.csv --json m.json",
     "gyrosim replay log.csv --to log.csv -q", "gyrosim serve --model m.json --profile p.json --to m.json -q",
     "profile error p.json --model m.json --order 3 --json p.json", "profile bound --model m.json --order 3 --duration-s 3600 --range 0:60 --json m.json",
     "montecarlo --model m.json --profile p.json --order 3 --runs 2 --json m.json",
