@@ -398,6 +398,46 @@ static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
   assert_lacks(hidden, "shrinks by");
 }
 
+// Where nothing that is named foretells a mean, it is said why there is no figure, and what the seconds gain.
+static void test_it_is_said_why_there_is_no_figure(void**) {
+  GapResult gap;
+  gap.gain_of_seconds_by_unit = {180, 240}, gap.foretold.hours = 4.8;
+  const auto text_of = [&](const char* name) { return said(Verdict::kExplained, {effect_of(name, 20)}, {}, gap); };
+  assert_has(text_of("sinusoid"),
+             "held out  no figure: a tone has a phase of its own in every log; the held-out seconds are likelier "
+             "by 210 nats in 4.8 h\n");
+  assert_has(text_of("outliers"),
+             "no figure: noise foretells how far rates scatter, not where they are; the held-out seconds are");
+  gap.gain_of_seconds_by_unit = {-2, -4};
+  assert_has(text_of("outliers"), "the held-out seconds are less likely by 3 nats in 4.8 h");
+  gap.gain_of_seconds_by_unit.clear();
+  assert_has(text_of("bias_step"), "held out  no figure: jumps in time are of their logs alone\n");
+  SelectedEffect steps = effect_of("quantization", 20);
+  steps.is_structural = true;
+  assert_has(said(Verdict::kExplained, {steps}, {}, {}),
+             "no figure: what was done to the samples is no part of the mean\n");
+  assert_has(said(Verdict::kUnexplained, {}, {}, {}),
+             "no figure: nothing is named that foretells the mean of other data\n");
+  assert_lacks(said(Verdict::kNoGap, {}, {}, {}), "held out");
+}
+
+// Errors that one fit may have are not told beside a smaller residual as if they were in it; and where the residuals show another
+// figure than the one that is told, it stands beside them.
+static void test_the_residuals_agree_with_what_is_told_of_them(void**) {
+  GapResult gap = gap_of(0.89, 0.82, 0.98);
+  gap.method = HeldOut::kQuarters;
+  gap.minutes.rms_before_dph = 466.1, gap.minutes.rms_after_dph = 208, gap.minutes.noise_rms_dph = 63.8;
+  gap.minutes.fit_ms_dph2 = 690.1 * 690.1;
+  const auto text = [&] { return said(Verdict::kPartlyExplained, {effect_of("rate_ramp", 20)}, {}, gap); };
+  assert_has(text(), "466.1 -> 208.0 dph (82 % less above the noise), noise alone 63.8, the rest no more than errors "
+                     "of the fit (690.1 "
+                     "expected)\n");
+  gap.minutes.fit_ms_dph2 = 150 * 150;
+  assert_has(text(), "noise alone 63.8, errors of the fit 150.0\n");
+  gap.minutes.rms_after_dph = 160; // 90 %
+  assert_has(text(), "466.1 -> 160.0 dph, noise alone 63.8, errors of the fit 150.0\n");
+}
+
 // Logs at other temperatures than all others, each held out in turn: an extrapolated polynomial is off by anything.
 static void test_an_extrapolated_residual_is_not_told(void**) {
   GapResult far = gap_of(0.5, 0.4, 0.6);
@@ -579,6 +619,8 @@ int main() {
       cmocka_unit_test(test_an_extrapolated_residual_is_not_told),
       cmocka_unit_test(test_shared_noise_beside_a_gap_is_no_open_family),
       cmocka_unit_test(test_a_gap_within_a_minute_is_said_to_be),
+      cmocka_unit_test(test_it_is_said_why_there_is_no_figure),
+      cmocka_unit_test(test_the_residuals_agree_with_what_is_told_of_them),
       cmocka_unit_test(test_a_loop_that_is_open_is_left),
       cmocka_unit_test(test_a_stand_in_does_not_remove_less_than_nothing),
       cmocka_unit_test(test_an_axis_that_cannot_be_judged_has_no_answer),

@@ -15,6 +15,7 @@ namespace {
 constexpr double kNearlyAll = 0.95;    // a shrinkage that surely stays below leaves something
 constexpr double kScaleEnd = -0.995;   // a shrinkage is not told below -100 %
 constexpr double kMoreThanNoise = 1.2; // times: worth a word
+constexpr double kOtherFigure = 0.05;  // of a shrinkage
 constexpr double kMuchOfGap = 0.5, kHardlyLess = 0.95;
 
 template <typename Is> bool finds(const Selection& s, const Is& is) {
@@ -183,6 +184,31 @@ std::string means_text(const GapResult& gap) {
                                                  : format("means over %.0f s", gap.minutes.minute_s);
 }
 
+// Much of the gap goes, and the means show nothing of it: it was within them, as what the steps of a thermometer make.
+bool is_within_means(const GapResult& g) {
+  return g.has_figure() && g.shrinkage > kMuchOfGap && g.minutes.rms_after_dph > kHardlyLess * g.minutes.rms_before_dph;
+}
+
+// The noise with which these means are to be compared, and what errors of the fit add to it.  One fit errs once: by how much
+// may be far from what is expected, and surely no more than is left.
+std::string expected_text(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  std::string out =
+      std::string(finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found " : "noise alone ") +
+      figure(g.minutes.noise_rms_dph, axis);
+  if (!has_errors_of_fit(g)) return out;
+  const double errors_dph = std::sqrt(g.minutes.fit_ms_dph2);
+  if (errors_dph < g.minutes.rms_after_dph) return out + ", errors of the fit " + figure(errors_dph, axis);
+  return out + ", the rest no more than errors of the fit (" + figure(errors_dph, axis) + " expected)";
+}
+
+// What the means of one draw of noise and errors show, where that is another figure than what their likelihood tells.
+std::string shown_by_means(const GapResult& g) {
+  const double shown = 1 - g.minutes.part_left();
+  if (std::fabs(shown - g.shrinkage) < kOtherFigure || is_within_means(g)) return "";
+  return format(" (%.0f %% %s above the noise)", 100 * std::fabs(shown), shown < 0 ? "more" : "less");
+}
+
 // Slow noise that was found beside the noise that was believed.
 std::string noise_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
@@ -194,9 +220,32 @@ std::string noise_statement(const AxisResult& axis) {
                 figure(g.minutes.rms_before_dph, axis).c_str(), figure(g.minutes.noise_rms_dph, axis).c_str());
 }
 
-// Much of the gap goes, and the means show nothing of it: it was within them, as what the steps of a thermometer make.
-bool is_within_means(const GapResult& g) {
-  return g.has_figure() && g.shrinkage > kMuchOfGap && g.minutes.rms_after_dph > kHardlyLess * g.minutes.rms_before_dph;
+} // namespace
+
+namespace {
+
+// Why there is no figure where nothing that is named foretells the mean of other data.
+std::string no_mean_statement(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  const GapResult& g = axis.study.gap;
+  if (s.verdict == Verdict::kNoGap) return "";
+  const auto has_form = [&](Form form) {
+    return finds(s, [&](const SelectedEffect& e) { return e.term.estimator && e.term.form() == form; });
+  };
+  std::vector<std::string> why;
+  if (has_form(Form::kTone)) why.push_back("a tone has a phase of its own in every log");
+  if (has_form(Form::kSteps)) why.push_back("jumps in time are of their logs alone");
+  if (finds(s, is_noise) || has_form(Form::kAxes))
+    why.push_back("noise foretells how far rates scatter, not where they are");
+  if (finds(s, [](const SelectedEffect& e) { return e.is_structural; }))
+    why.push_back("what was done to the samples is no part of the mean");
+  if (why.empty()) why.push_back("nothing is named that foretells the mean of other data");
+  std::string out = "no figure: " + joined(why, ", ");
+  if (g.is_gain_of_seconds())
+    out += format("; the held-out seconds are %s by %.3g nats in %.2g h", g.gain() < 0 ? "less likely" : "likelier",
+                  0.5 * std::fabs(g.gain()) * g.foretold.hours, g.foretold.hours);
+  const std::string noise = noise_statement(axis);
+  return noise.empty() ? out : out + "; " + noise;
 }
 
 } // namespace
@@ -209,12 +258,9 @@ std::string held_out_statement(const AxisResult& axis) {
                ? ""
                : "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
   const std::string residual =
-      format("residual of %s %s -> %s %s, %s %s", means_text(g).c_str(), figure(g.minutes.rms_before_dph, axis).c_str(),
+      format("residual of %s %s -> %s %s%s, %s", means_text(g).c_str(), figure(g.minutes.rms_before_dph, axis).c_str(),
              figure(g.minutes.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
-             finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
-             figure(g.minutes.noise_rms_dph, axis).c_str()) +
-      (has_errors_of_fit(g) ? format(", errors of the fit %s", figure(std::sqrt(g.minutes.fit_ms_dph2), axis).c_str())
-                            : "") +
+             has_figure(axis) ? shown_by_means(g).c_str() : "", expected_text(axis).c_str()) +
       (g.minutes.run_to_run_rms_dph > 0
            ? format(", what differs from run to run %s", figure(g.minutes.run_to_run_rms_dph, axis).c_str())
            : "") +
@@ -226,7 +272,7 @@ std::string held_out_statement(const AxisResult& axis) {
                   residual.c_str());
   if (!g.has_mean && g.minutes.run_to_run_rms_dph > 0)
     return "no figure: what differs from run to run foretells no other run; " + residual;
-  if (!claims_shrinkage(axis)) return noise_statement(axis);
+  if (!claims_shrinkage(axis)) return no_mean_statement(axis);
   if (g.is_of_starts)
     return format("no figure: only the states in which the runs began are seen, and these foretell nothing (%s); %s",
                   held_out_text(g.method), residual.c_str());

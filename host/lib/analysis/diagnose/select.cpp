@@ -13,6 +13,7 @@
 #include "analysis/diagnose/judge/undecided.h"
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/stages/bursts.h"
+#include "analysis/diagnose/stages/foretold_seconds.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/own_jumps.h"
 #include "analysis/diagnose/stages/slow_stage.h"
@@ -169,6 +170,10 @@ private:
     gap.is_of_starts = are_only_starts();
     out_.leaves_mean = gap.minutes.leave_mean(constants()), out_.exceeds_noise = gap.minutes.exceed_noise(constants());
     gap.hold_what_minutes_show();
+    if (has_names_of_seconds(out_.effects)) {
+      gap.gain_of_seconds_by_unit = gain_of_seconds(campaign_, held_out_, out_.nominal, out_.final);
+      gap.gain_mean_s = campaign_.dt_s;
+    }
     out_.verdict = verdict_of(told(), left());
   }
   // Whether all that is named in the mean is a memory of which the logs show how the runs began, and no more.

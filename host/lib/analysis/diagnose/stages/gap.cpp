@@ -119,15 +119,6 @@ std::vector<Split> splits_of(const SlowData& training, const Campaign* held_out,
 }
 
 // One log: its quarters.  The likelihood of a quarter is that of the whole less that of the rest.
-CampaignRun only_rows(const CampaignRun& run, size_t quarter, bool is_inside) {
-  CampaignRun out = run;
-  const size_t n = run.n();
-  for (size_t k = 0; k < n; ++k)
-    if ((k * 4 / n == quarter) != is_inside) out.input.rate_dph[static_cast<size_t>(run.used[k])] = std::nan("");
-  find_used(&out);
-  return out;
-}
-
 Prediction predict_quarters(const SlowSearch& search, const SlowData& training, const SlowModel& model) {
   Prediction out;
   const auto grams_on = [&](const SlowData& data, const std::vector<MeanPart>& parts) {
@@ -135,9 +126,9 @@ Prediction predict_quarters(const SlowSearch& search, const SlowData& training, 
   };
   const std::vector<MeanPart> parts = search.parts_on(training, model);
   const double whole = grams_on(training, parts).log_marginal(1);
-  for (size_t q = 0; q < 4; ++q) {
+  for (size_t q = 0; q < kQuarters; ++q) {
     Campaign rest = training.campaign;
-    rest.runs[0] = only_rows(training.campaign.runs[0], q, false);
+    rest.runs[0] = only_quarter(training.campaign.runs[0], q, false);
     const SlowData data(rest, training);
     std::vector<MeanPart> rest_parts; // the polynomial of a name keeps its normalisation, as the nominal one does
     for (const MeanPart& part : parts) rest_parts.push_back(rows_of(part, training, data));
@@ -155,7 +146,7 @@ Prediction fitted_quarters(const SlowSearch& search, const SlowData& training, c
   Prediction out;
   const std::vector<MeanPart> parts = search.parts_on(training, model);
   const RunGrams::Posterior at = RunGrams(training, pointers_of(parts), search.noise_of(model)).posterior();
-  for (size_t q = 0; q < 4; ++q) {
+  for (size_t q = 0; q < kQuarters; ++q) {
     out.left.push_back(residual_of(training, parts, at, 0));
     keep_columns(training, parts, at, 0, &out);
   }
@@ -251,7 +242,7 @@ std::vector<HeldOutUnit> held_out_units(const SlowData& training, const std::vec
                                         const Prediction& before, const Prediction& after, bool only_within) {
   std::vector<HeldOutUnit> out;
   if (splits.empty()) {
-    for (size_t q = 0; q < 4; ++q)
+    for (size_t q = 0; q < kQuarters; ++q)
       out.push_back(held_out_unit(training.campaign.runs[0], rows_of_quarter(training.campaign, q, only_within), before,
                                   after, out.size()));
     return out;
@@ -359,6 +350,16 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::
 
 } // namespace
 
+CampaignRun only_quarter(const CampaignRun& run, size_t quarter, bool is_inside) {
+  CampaignRun out = run;
+  const size_t n = run.n();
+  for (size_t k = 0; k < n; ++k)
+    if ((k * kQuarters / n == quarter) != is_inside)
+      out.input.rate_dph[static_cast<size_t>(run.used[k])] = std::nan("");
+  find_used(&out);
+  return out;
+}
+
 void FittedSpan::add(const CampaignRun& run, size_t first, size_t end) {
   for (size_t k = first; k < end; ++k) {
     const double temp_degc = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
@@ -370,6 +371,12 @@ bool FittedSpan::holds(double temp_degc) const {
   return temp_degc > lo_degc_ - beyond && temp_degc < hi_degc_ + beyond;
 }
 
+const std::vector<double>& GapResult::gain_by_unit() const {
+  return gain_of_seconds_by_unit.empty() ? foretold.delta_by_unit : gain_of_seconds_by_unit;
+}
+double GapResult::gain() const {
+  return sum_of(gain_by_unit()) / foretold.hours;
+}
 void GapResult::hold_what_minutes_show() {
   const double removed = std::max(-1.0, 1 - minutes.part_left());
   // Where the scatter of the noise is not known, all that is above it counts.
@@ -479,6 +486,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   }
   foretold.delta_deviance = sum_of(foretold.delta_by_unit);
   foretold.hours = std::max(kLeast_h, hours_of(m.campaign));
+  out.gain_mean_s = training.campaign.dt_s;
   set_support(m, &out.foretold);
   out.minutes.part_within = static_cast<double>(n_rows(held_out_units(training, m.splits, m.before, m.after, true))) /
                             static_cast<double>(m.campaign.n());

@@ -39,6 +39,9 @@ private:
 constexpr double kWidestFigure = 0.4;
 
 enum class HeldOut { kLogs, kEachLog, kQuarters };
+constexpr size_t kQuarters = 4;
+// A run with the used rows of one of its quarters alone, or without them.
+CampaignRun only_quarter(const CampaignRun& run, size_t quarter, bool is_inside);
 
 // What a name is worth to the held-out data, and what it would be worth to data without noise that are just as the fitted
 // hypothesis predicts: what they can show of it.
@@ -49,13 +52,12 @@ struct Support {
 
 // What the answer makes of the likelihood of the held-out units, over that of the model.
 struct Foretold {
-  double delta_deviance = 0;                             // of all units
-  std::vector<double> delta_by_unit;                     // deviance
-  std::vector<size_t> log_by_unit;                       // place among the fitted, or the held-out logs
-  std::vector<Support> beyond_start;                     // per name, against nothing but the start states it leaves
-  std::vector<Support> at_all;                           // per name, against neither the name nor its start states
-  double hours = 0;                                      // of the units
-  double gain() const { return delta_deviance / hours; } // deviance per hour
+  double delta_deviance = 0;         // of all units
+  std::vector<double> delta_by_unit; // deviance
+  std::vector<size_t> log_by_unit;   // place among the fitted, or the held-out logs
+  std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
+  std::vector<Support> at_all;       // per name, against neither the name nor its start states
+  double hours = 0;                  // of the units
 };
 
 // What one held-out unit (a log, or a quarter of the only one) shows in minutes, as it is judged: about its own constant.
@@ -66,7 +68,13 @@ struct UnitMinutes {
 
 struct GapResult {
   HeldOut method = HeldOut::kEachLog;
-  Foretold foretold;
+  Foretold foretold; // by block means
+  // Deviance, where something of the seconds is named, which block means hide (foretold_seconds.h); else empty.
+  std::vector<double> gain_of_seconds_by_unit;
+  bool is_gain_of_seconds() const { return !gain_of_seconds_by_unit.empty(); }
+  const std::vector<double>& gain_by_unit() const; // of these, or of block means
+  double gain() const;                             // deviance per hour
+  double gain_mean_s = 1;                          // length of the means whose deviance that is
   MinutesLeft minutes;
   std::vector<UnitMinutes> units; // whose rms `minutes` holds
 
