@@ -25,10 +25,12 @@ Json cell_json(const WhereCell& c) {
 }
 
 Json cells_json(const std::vector<WhereCell>& cells, const char* range, const char* name, bool is_log) {
+  const bool has_shares = std::any_of(cells.begin(), cells.end(), [](const WhereCell& c) { return c.share > 0; });
   Json list = Json::array();
   for (const WhereCell& c : cells) {
     Json cell = range ? Json{{range, {c.lo, c.hi}}} : is_log ? Json{{name, std::stoi(c.name)}} : Json{{name, c.name}};
     cell.update(cell_json(c));
+    if (has_shares) cell["share"] = c.share;
     list.push_back(cell);
   }
   return list;

@@ -174,13 +174,13 @@ Json answer_json(const AxisResult& axis, double rate) {
   Json pairs = Json::array();
   for (const Alike& pair : open_pairs(axis))
     pairs.push_back({{"names", {pair.first, pair.second}}, {"told_from_times", number(pair.told_from)}});
-  const Campaign& campaign = axis.campaign;
   const NoiseModel& noise = s.fitted_noise;
   const double white_noise_arw_deg_rt_h = arw_from_white_sigma(noise.white_sigma_dph);
   Json markov = Json::array();
   for (const Markov& m : noise.markov) markov.push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
   const bool is_advised = advised_profile_helps(axis);
-  const Profile profile = separating_profile(campaign.lo_degc, campaign.hi_degc);
+  const double coldest_degc = axis.where.coldest_degc, hottest_degc = axis.where.hottest_degc;
+  const Profile profile = separating_profile(coldest_degc, hottest_degc);
   return {
       {"axis", axis.axis},
       {"unit", axis_unit(axis.axis)},
@@ -206,7 +206,7 @@ Json answer_json(const AxisResult& axis, double rate) {
       {"seconds", axis.seconds},
       {"advised_profile", is_advised ? to_json(profile) : Json(nullptr)},
       {"advised_profile_mirrored",
-       is_advised ? to_json(mirrored(profile, campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
+       is_advised ? to_json(mirrored(profile, coldest_degc, hottest_degc)) : Json(nullptr)}};
 }
 
 Json axis_json(const AxisResult& axis, double rate) {

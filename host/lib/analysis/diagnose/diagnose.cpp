@@ -16,6 +16,7 @@
 #include "analysis/diagnose/logs/unlike.h"
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/stages/dp2.h"
+#include "analysis/diagnose/where_told.h"
 #include "analysis/diagnose/written_model.h"
 #include "base/clock.h"
 #include "base/error.h"
@@ -281,42 +282,13 @@ Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held
   keep_common_columns({&axis->campaign, &unseen});
   return unseen;
 }
-// Slow noise that is the same at all times and temperatures, or may be; what structure shows is beside it.
-bool is_noise_everywhere(const std::vector<SelectedEffect>& effects) {
-  bool has_noise = false;
-  for (const SelectedEffect& e : effects) {
-    if (e.is_structural) continue;
-    const EffectEstimator* of = e.term.estimator;
-    const bool is_noise = of && of->form() == Form::kNoise && of->is_slow_noise() && !of->needs_temperature();
-    if (!is_noise && e.doubt != Doubt::kSlowNoise) return false;
-    has_noise = true;
-  }
-  return has_noise;
-}
-
-// Where a cause in the mean shows is measured by the noise that was found beside it: by noise that was believed wrongly, it would
-// be where the belief is wrong.
-WhereResult where_is(const AxisResult& axis, bool has_believed) {
-  const Selection& s = axis.study.selection;
-  const auto is_in_mean = [](const SelectedEffect& e) {
-    return !e.is_structural && (!e.term.estimator || e.term.form() != Form::kNoise) && e.doubt != Doubt::kSlowNoise;
-  };
-  const bool has_place = !is_noise_everywhere(s.effects);
-  if (s.is_noise_retuned && std::any_of(s.effects.begin(), s.effects.end(), is_in_mean)) {
-    Hypothesis nominal = s.nominal;
-    nominal.base_noise = s.fitted_noise;
-    return locate(axis.campaign, fit_hypothesis(axis.campaign, nominal), WhoseNoise::kFound, has_place);
-  }
-  return locate(axis.campaign, axis.nominal_fit, has_believed ? WhoseNoise::kModel : WhoseNoise::kEstimated, has_place);
-}
-
 // What is told beside the answer: the fits that are drawn, where the gap lies, what these profiles can show.
-void add_pictures(const DiagnoseOptions& options, const NoiseBelief& belief, const std::vector<const Effect*>& library,
+void add_pictures(const DiagnoseOptions& options, const std::vector<const Effect*>& library,
                   const std::vector<bool>& active, AxisResult* axis) {
   Selection& s = axis->study.selection;
   axis->nominal_fit = std::move(s.nominal_fit), axis->final_fit = std::move(s.final_fit);
   axis->plain_fit = plain_fit(axis->campaign, s.nominal);
-  axis->where = where_is(*axis, belief.has_believed);
+  axis->where = where_told(*axis);
   axis->dp2 =
       compare_dp2(axis->campaign, s.nominal.noise(), s.final.noise(), axis->nominal_fit, axis->final_fit, options.seed);
   std::vector<double> beta;
@@ -380,7 +352,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   tell_held_out(unseen, held_out, &axis);
   if (belief.has_data_sheet && !axis.study.selection.cannot_judge)
     tell_data_sheet(name, belief.model, axis.study.selection.final.noise(), &axis.warnings);
-  if (!axis.study.selection.cannot_judge) add_pictures(options, belief, library, active, &axis);
+  if (!axis.study.selection.cannot_judge) add_pictures(options, library, active, &axis);
   axis.seconds = now_s() - start - axis.calibration_s;
   return axis;
 }

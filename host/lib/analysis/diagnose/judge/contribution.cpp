@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/judge/contribution.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace imucal {
@@ -10,6 +11,8 @@ using Eigen::VectorXd;
 
 namespace {
 
+constexpr double kNothing = 0.1; // of its rms: what an effect adds where it rests
+
 // Mean square about the mean of each run.
 double about_runs(const std::vector<VectorXd>& parts) {
   double sum = 0, n = 0;
@@ -18,6 +21,15 @@ double about_runs(const std::vector<VectorXd>& parts) {
     sum += (part.array() - part.mean()).square().sum(), n += static_cast<double>(part.size());
   }
   return n > 0 ? sum / n : 0;
+}
+
+// It adds next to nothing half of the time, as a bump does.
+bool rests(const VectorXd& added) {
+  std::vector<double> sizes(static_cast<size_t>(added.size()));
+  for (size_t k = 0; k < sizes.size(); ++k) sizes[k] = std::fabs(added[static_cast<long>(k)]);
+  const auto middle = sizes.begin() + static_cast<long>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return *middle * *middle * static_cast<double>(added.size()) < kNothing * kNothing * added.squaredNorm();
 }
 
 // What one term adds to the mean, run by run.
@@ -98,6 +110,19 @@ void fill_contributions(const Campaign& campaign, const Hypothesis& final, const
     }
     if (square > 0) effect.rms_dph = std::sqrt(square);
   }
+}
+
+std::vector<VectorXd> added_to_mean(const Campaign& campaign, const Hypothesis& hypothesis, const Fit& fit) {
+  const Design design = make_design(campaign, hypothesis);
+  std::vector<VectorXd> out;
+  for (const CampaignRun& run : campaign.runs) out.emplace_back(VectorXd::Zero(static_cast<long>(run.n())));
+  for (size_t t = 0; t < hypothesis.terms.size(); ++t) {
+    const std::vector<VectorXd> part = mean_of(campaign, hypothesis, fit, design, t);
+    for (size_t r = 0; r < out.size(); ++r) out[r] += part[r];
+  }
+  for (VectorXd& added : out)
+    if (added.size() > 0 && !rests(added)) added.array() -= added.mean();
+  return out;
 }
 
 double white_of_samples_dph(const Campaign& campaign, const NoiseModel& noise) {
