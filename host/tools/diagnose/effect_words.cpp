@@ -64,8 +64,8 @@ bool is_weak(const SelectedEffect& e) {
 // What the numbers mean, where they alone do not say it.
 std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
   if (!e.term.effect || e.doubt == Doubt::kSlowNoise) return "";
-  return e.term.effect->name() == "thermal_hysteresis" ? loop_in_words(axis, e)
-                                                       : noise_over_temperature(e.term, axis.campaign);
+  const bool is_loop = e.term.effect->estimator() && e.term.effect->estimator()->is_start_bounded();
+  return is_loop ? loop_in_words(axis, e) : noise_over_temperature(e.term, axis.campaign);
 }
 
 // In the axis' unit: a tenth of a dph, or three digits of a few mg.

@@ -13,7 +13,7 @@ namespace imucal {
 void add_once(const std::string& text, std::vector<std::string>* said);
 std::string joined(const std::vector<std::string>& list, const char* between);
 
-// "warm_up" -> "warm up".
+// "a_b" -> "a b".
 std::string in_plain_words(std::string name);
 // "a warm up", "an outlier".
 std::string with_article(const std::string& words);

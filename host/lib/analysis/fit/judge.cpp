@@ -197,7 +197,8 @@ Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_confi
 }
 
 bool is_beyond_own_noise(const FitAxis& axis) {
-  const double noise = axis.expected_residual_dph; // 0: a model was given
+  const double noise = axis.expected_residual_dph;                         // 0: a model was given
+  if ((axis.health.bits >> IMUCAL_HEALTH_NO_NOISE & 1) != 0) return false; // what is left is rounding
   return noise > 0 && axis.residual_rms_dph * axis.residual_rms_dph > kMaxOwnResidualVariance * noise * noise;
 }
 
