@@ -59,6 +59,17 @@ static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
   options.false_alarm_rate = false_alarm_rate;
   return diagnosis_json(options, result)["axes"][0];
 }
+// The pictures of one axis whose answer leaves the rates as they are.
+static Json plots_of(const Log& log) {
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  axis.campaign = make_campaign({log}, "gx_dph", {});
+  axis.nominal_fit.residual = axis.plain_fit.residual = axis.final_fit.residual = rates(axis.campaign);
+  axis.nominal_fit.e = axis.plain_fit.e = axis.final_fit.e = rates(axis.campaign);
+  return diagnosis_json({}, result)["axes"][0]["plots"];
+}
 // A second of a million dph is no part of a minute's mean, before or after.
 static void test_means_that_are_drawn_hold_no_hit(void**) {
   Log log;
@@ -68,14 +79,7 @@ static void test_means_that_are_drawn_hold_no_hit(void**) {
     log.t_s.push_back(k + 1), log.temp_degc.push_back(20 + 0.05 * k);
     log.axes[0].rate_dph.push_back(100 + (k % 7 - 3) * 10 + (k == 345 ? 1e6 : 0));
   }
-  DiagnoseResult result;
-  result.axes.resize(1);
-  AxisResult& axis = result.axes[0];
-  axis.axis = "gx_dph";
-  axis.campaign = make_campaign({log}, "gx_dph", {});
-  axis.nominal_fit.residual = axis.plain_fit.residual = axis.final_fit.residual = rates(axis.campaign);
-  axis.nominal_fit.e = axis.plain_fit.e = axis.final_fit.e = rates(axis.campaign);
-  const Json drawn = diagnosis_json({}, result)["axes"][0]["plots"]["residual"];
+  const Json drawn = plots_of(log)["residual"];
   assert_true(drawn["n_hits"] == Json(1));
   assert_int_equal(drawn["rate_dph"].size(), 10);
   for (const char* key : {"rate_dph", "before_dph", "after_dph"})
@@ -92,14 +96,7 @@ static void test_means_that_are_drawn_do_not_go_over_a_hole(void**) {
     log.t_s.push_back(k + 1), log.temp_degc.push_back(20 + 0.01 * k);
     log.axes[0].rate_dph.push_back((k < 645 ? 100 : 300) + (k % 7 - 3) * 10);
   }
-  DiagnoseResult result;
-  result.axes.resize(1);
-  AxisResult& axis = result.axes[0];
-  axis.axis = "gx_dph";
-  axis.campaign = make_campaign({log}, "gx_dph", {});
-  axis.nominal_fit.residual = axis.plain_fit.residual = axis.final_fit.residual = rates(axis.campaign);
-  axis.nominal_fit.e = axis.plain_fit.e = axis.final_fit.e = rates(axis.campaign);
-  const Json plots = diagnosis_json({}, result)["axes"][0]["plots"];
+  const Json plots = plots_of(log);
   const Json& drawn = plots["residual"];
   assert_int_equal(drawn["rate_dph"].size(),
                    11 + 12); // 645 s: ten minutes and 45 s; 755 s: twelve minutes, 35 s at the end are not kept
