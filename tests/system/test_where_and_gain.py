@@ -142,8 +142,7 @@ def test_the_gain_of_outliers_is_that_of_the_seconds(tmp_path):
     assert named == ["outliers"] and gap["gain_mean_s"] == 1 and gap["shrinkage"] is None and min(gap["gain_by_unit"]) > 500
     own = 0
     for path in paths[4:]:
-        t, degc, rate = np.loadtxt(path, delimiter=",", skiprows=3).T
-        x = (degc - 30) / 30
+        rate = np.loadtxt(path, delimiter=",", skiprows=3)[:, 2]
         # Less what the process is about each second: medians of its neighbours.
         level = np.array([np.median(rate[max(0, k - 20):k + 21]) for k in range(rate.size)])
         rest, plain = rate - level, WHITE**2 + SIGMA**2 / 5
