@@ -206,7 +206,8 @@ void test_held_readings_are_refused(void**) {
   for (const size_t held : {1, 2, 3, 10}) {
     Log log = log_of(model, 3);
     for (size_t k = 0; k < log.size(); ++k) log.axes[0].rate_dph[k] = log.axes[0].rate_dph[k / held * held];
-    const FitReason* reason = reason_of(fit_logs({log}, options), "repeated");
+    const FitResult result = fit_logs({log}, options);
+    const FitReason* reason = reason_of(result, "repeated");
     assert_true((reason != nullptr) == (held > 1));
     if (reason) assert_true(std::abs(reason->value - (1 - 1 / static_cast<double>(held))) < 0.06);
   }
