@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A line of text by a pattern of printf; what is longer than a line of text is cut.
+// Text by a pattern of printf.
 #pragma once
 #include <cstdio>
 #include <string>
@@ -7,9 +7,11 @@
 namespace imucal {
 
 template <typename... Args> std::string format(const char* pattern, Args... args) {
-  char line[600];
-  std::snprintf(line, sizeof line, pattern, args...);
-  return line;
+  const int n = std::snprintf(nullptr, 0, pattern, args...);
+  std::string text(static_cast<size_t>(n < 0 ? 0 : n) + 1, '\0'); // and the zero that snprintf writes
+  std::snprintf(&text[0], text.size(), pattern, args...);
+  text.pop_back();
+  return text;
 }
 
 } // namespace imucal

@@ -32,7 +32,6 @@ namespace {
 
 // Of the residuals' own spread, slow noise in it; the core's gate has 6 standard deviations of what a filter does not foresee.
 constexpr double kFarOff = 8;
-constexpr double kSigmaOfMedian = 1.4826; // standard deviation of a Gaussian over the median of its size
 constexpr int kMostRounds = 10;
 
 std::vector<int> steps_of(const std::vector<long>& second) {
@@ -143,7 +142,7 @@ void leave_out_far_off(int order, double t0_degc, double range_degc, bool shared
     const Eigen::VectorXd residual = design.z_dph - design.a * solver_of(design).solve(design.z_dph);
     std::vector<double> sizes(residual.data(), residual.data() + residual.size());
     for (double& size : sizes) size = std::abs(size);
-    const double limit = kFarOff * kSigmaOfMedian * median(sizes);
+    const double limit = kFarOff * kSigmaOfMedianSize * median(sizes);
     bool is_any = false;
     Eigen::Index row = 0;
     for (size_t l = 0; l < runs->size(); ++l)

@@ -16,12 +16,11 @@ constexpr double kMean_s = 128;
 constexpr size_t kLeastRows = 8;    // of a mean
 constexpr size_t kLeastMeans = 20;  // of the longest log
 constexpr double kLeastPart = 0.75; // of the rows of a mean have a value
-constexpr double kUsual = 1.4826;   // standard deviation of a Gaussian over the median of its size
 constexpr double kSingle = 8;       // standard deviations: single wrong rows are no jump
 
 double usual_size(std::vector<double> values) {
   for (double& value : values) value = std::fabs(value);
-  return kUsual * median(std::move(values));
+  return kSigmaOfMedianSize * median(std::move(values));
 }
 
 std::vector<double> finite(const std::vector<std::vector<double>>& runs) {

@@ -31,7 +31,6 @@ constexpr size_t kFewestRows = 30;       // from which a log is asked
 constexpr long kFromEnd = 3;             // rows: a jump nearer to the end of a log is one of a few rows
 constexpr double kOfNamed_s = 180;       // about a jump of a named cause that one here may be a part of
 constexpr double kLeastOfSquares = 1e-6; // two columns are one below it
-constexpr double kOfNormal = 1.4826;     // standard deviations in a median magnitude
 
 // What is left of a run, and what changes of its level would be, both less what a constant takes.  The noise of a log may be
 // stronger than that of the others: its innovations tell by how much.
@@ -142,7 +141,7 @@ private:
   // By their differences from row to row: a jump that is not taken yet shifts the level of the others.
   static double strength_of(const VectorXd& e) {
     const VectorXd apart = (e.tail(e.size() - 1) - e.head(e.size() - 1)).cwiseAbs() / std::sqrt(2.0);
-    return std::max(1.0, kOfNormal * median({apart.data(), apart.data() + apart.size()}));
+    return std::max(1.0, kSigmaOfMedianSize * median({apart.data(), apart.data() + apart.size()}));
   }
 
   const CampaignRun& run_;
