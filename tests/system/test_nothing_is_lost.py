@@ -71,6 +71,16 @@ def test_what_was_read_is_not_written_over(folder, command):
     assert contents(folder) == before
 
 
+@pytest.mark.parametrize("command", ["montecarlo --model m.json --profile p.json --order 3 --runs 100000000 --json m.json",
+                                     "profile optimize --model m.json --order 3 --duration-s 86400 --range 0:60 --max-rate 2 -o m.json"])
+def test_that_is_found_before_the_work(folder, command):
+    """Hours of it, but for the reading."""
+    before = contents(folder)
+    program, *words = command.split()
+    done = subprocess.run([BIN / program, *words], cwd=folder, capture_output=True, text=True, timeout=10)
+    assert done.returncode == 3 and "m.json: cannot write: it is a file that was read" in done.stderr and contents(folder) == before
+
+
 def test_the_source_of_an_imported_log_is_not_written_over(folder):
     (folder / "other.csv").write_text(foreign_text(300))
     before = contents(folder)

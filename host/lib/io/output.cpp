@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <mutex>
 #include <set>
 #include <tuple>
@@ -31,6 +32,7 @@ FileMark mark_of(const struct stat& file) {
 struct ProtectedFiles {
   std::mutex mutex;
   std::set<FileMark> marks;
+  std::map<FileMark, std::string> to_be_written; // their names
 };
 ProtectedFiles& protected_files() {
   static ProtectedFiles files;
@@ -41,6 +43,8 @@ bool is_protected(const struct stat& file) {
   const std::lock_guard<std::mutex> lock(files.mutex);
   return files.marks.count(mark_of(file)) > 0;
 }
+
+constexpr char kWasRead[] = "it is a file that was read; give another name";
 
 [[noreturn]] void cannot_write(const std::string& path, const std::string& reason) {
   throw data_error(path + ": cannot write: " + reason);
@@ -141,8 +145,7 @@ void write_stream(const std::string& path, const std::function<void(std::ostream
 
 void refuse_protected(const std::string& path) {
   struct stat existing {};
-  if (path != "-" && ::stat(path.c_str(), &existing) == 0 && is_protected(existing))
-    cannot_write(path, "it is a file that was read; give another name");
+  if (path != "-" && ::stat(path.c_str(), &existing) == 0 && is_protected(existing)) cannot_write(path, kWasRead);
 }
 
 bool is_same_file(const std::string& a, const std::string& b) {
@@ -164,7 +167,17 @@ void protect_from_writing(const std::string& path) {
   if (path == "-" || ::stat(path.c_str(), &file) != 0 || !S_ISREG(file.st_mode)) return;
   ProtectedFiles& files = protected_files();
   const std::lock_guard<std::mutex> lock(files.mutex);
+  const auto result = files.to_be_written.find(mark_of(file));
+  if (result != files.to_be_written.end()) cannot_write(result->second, kWasRead);
   files.marks.insert(mark_of(file));
+}
+
+void announce_result(const std::string& path) {
+  struct stat file {};
+  if (path == "-" || ::stat(path.c_str(), &file) != 0 || !S_ISREG(file.st_mode)) return;
+  ProtectedFiles& files = protected_files();
+  const std::lock_guard<std::mutex> lock(files.mutex);
+  files.to_be_written.emplace(mark_of(file), path);
 }
 
 void write_text(const std::string& path, const std::string& text) {

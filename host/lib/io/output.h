@@ -17,7 +17,9 @@ void write_stream(const std::string& path, const std::function<void(std::ostream
 // From now on the file at `path`, by whatever name, is not written: data_error.  io/input.h does so with every file that it
 // opens: what was read may be the only copy of a record, and a result is no reason to lose it.
 void protect_from_writing(const std::string& path);
-// data_error where `path` is such a file: for those who write otherwise than by this room.
+// A result will be written over the file at `path`: who protects that file ends with data_error, before the work and not after it.
+void announce_result(const std::string& path);
+// data_error where `path` is a protected file: for those who write otherwise than by this room.
 void refuse_protected(const std::string& path);
 
 // Two names of one file, as it is there or as it would be written.  Standard output, devices and pipes are no such files.

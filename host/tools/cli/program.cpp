@@ -92,7 +92,8 @@ std::vector<std::string> common_behind(const CLI::App& app, int argc, char** arg
   return words;
 }
 
-// Before hours of work: of two results in one file the first would be lost, and one without a name is written nowhere.
+// Before hours of work: of two results in one file the first would be lost, and one without a name is written nowhere; what
+// is read from now on is none of them.
 void require_files(const std::vector<cli::Output>& outputs) {
   for (size_t i = 0; i < outputs.size(); ++i) {
     if (outputs[i].path.empty())
@@ -101,6 +102,7 @@ void require_files(const std::vector<cli::Output>& outputs) {
       if (is_same_file(outputs[i].path, outputs[j].path))
         throw usage_error(outputs[j].option + " and " + outputs[i].option + " name one file, " + outputs[i].path +
                           ": give each a file of its own");
+    announce_result(outputs[i].path);
   }
 }
 

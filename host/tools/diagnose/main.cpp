@@ -13,7 +13,6 @@
 #include "diagnose/library_json.h"
 #include "diagnose/report.h"
 #include "diagnose/report_text.h"
-#include "io/output.h"
 #include "physics/effects/effect.h"
 
 using namespace imucal;
@@ -107,17 +106,6 @@ void require_effects(const std::string& option, const std::vector<std::string>& 
                         " (diagnose --list-effects names all)");
 }
 
-// Before the work, which takes seconds to minutes: no result is written over what was read.
-void require_new_names(const Request& r) {
-  std::vector<std::string> read = r.options.logs;
-  read.insert(read.end(), r.options.held_out.begin(), r.options.held_out.end());
-  read.push_back(r.options.model_path);
-  for (const std::string& written : {r.model_out, r.common.json_path})
-    for (const std::string& input : read)
-      if (!written.empty() && !input.empty() && is_same_file(written, input))
-        throw data_error(written + ": cannot write: it is a file that was read; give another name");
-}
-
 Exit run(Request* r) {
   const CommonOptions& common = r->common;
   DiagnoseOptions& options = r->options;
@@ -132,7 +120,6 @@ Exit run(Request* r) {
   if (!r->instability.empty()) options.instability = parse_instability(r->instability);
   require_effects("--without", options.without);
   require_effects("--only", options.only);
-  require_new_names(*r);
   options.seed = common.seed;
   options.threads = common.thread_count();
   if (r->no_cache) options.cache_folder.clear();
