@@ -2,7 +2,8 @@
 #include "calibrate/fit_json.h"
 
 #include <cmath>
-#include <cstdio>
+
+#include "base/format.h"
 
 namespace imucal {
 
@@ -13,11 +14,8 @@ double turn_on_sigma(const FitResult& result, const FitAxis& axis) {
 }
 
 std::string turn_on_words(double sigma, const std::string& unit) {
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "b0 holds the turn-on constant (%.4g %s from run to run), which the predicted error does not count",
+  return format("b0 holds the turn-on constant (%.4g %s from run to run), which the predicted error does not count",
                 sigma, unit.c_str());
-  return text;
 }
 
 Json judgement_json(const std::vector<FitReason>& reasons) {

@@ -48,8 +48,7 @@ enum class WhoseNoise { kModel, kEstimated, kFound };
 // What is named.
 struct NamedCause {
   bool has_place = true; // false: a noise that is everywhere the same
-  bool has_times =
-      true; // false: the noise was estimated on these logs and nothing was named, so it holds what there is
+  bool has_times = true; // false: the noise was estimated on these logs, nothing was named, and it holds what there is
   std::vector<Eigen::VectorXd> added = {}; // to the mean by the names, standardised as the innovations; empty: nothing
   std::vector<StepValue> jumps = {};       // by the clocks of their logs, where nothing else is named
 };
