@@ -49,7 +49,7 @@ system-test:  ## test: run the pytest tests of the built programs
 	$(Q)$(PYTEST) -n 3 -m 'not long'; code=$$?; [ $$code -eq 5 ] && [ -n "$(SELECTED_UNIT_TESTS)" ] || exit $$code # 5: T names unit tests alone
 
 test-long:: host unit-programs  ## test: what `make test` leaves out: many more draws of tests that have a short form, tests of minutes
-	$(Q)LONG=1 BUILD=$(BUILD) tests/run_unit $(filter %/test_diagnose_causes %/test_diagnose_noise,$(UNIT_TESTS))
+	$(Q)LONG=1 BUILD=$(BUILD) tests/run_unit $(filter %/test_diagnose_causes %/test_diagnose_noise %/test_diagnose_where %/test_fit,$(UNIT_TESTS))
 	$(Q)$(PYTEST) -n 2 -m long
 
 # The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.  An answer of diagnose

@@ -7,11 +7,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <limits>
 
 #include <Eigen/Core>
 #include <csetjmp>
 #include <string>
+#include <utility>
 
 #include "analysis/fit/fit.h"
 #include "analysis/fit/residual_shape.h"
@@ -359,6 +361,19 @@ void test_the_shape_of_a_residual(void**) {
   assert_true(shape_of({std::vector<double>(8000, 1.0)}, 1).jump_times == 0); // no noise: nothing is usual
 }
 
+// What is said of healthy logs as they are fitted: LONG asks so many that less than 1 in 100 is known at 95 %.
+void test_no_shape_is_told_of_healthy_logs(void**) {
+  const uint64_t n_logs = std::getenv("LONG") ? 80 : 3;
+  int n_told = 0;
+  for (const auto& [sigma_dph, tau_s] : {std::pair{20, 100}, {15, 200}, {15, 400}, {15, 1000}})
+    for (uint64_t k = 1; k <= n_logs; ++k) // a run of its own for every log: no noise comes twice
+      for (const std::string& warning :
+           fit_logs({profile_log(1000 * static_cast<uint64_t>(tau_s) + k, 36, sigma_dph, tau_s)}, unmodelled())
+               .warnings)
+        n_told += says(warning, "the residual jumps") || says(warning, "warm-up");
+  assert_int_equal(n_told, 0);
+}
+
 // A knock of a second is left out, counted and named; the coefficients are those without it.
 void test_polynomial_without_model_leaves_knocks_out(void**) {
   const Log log = profile_log(1, 36, 20, 100);
@@ -532,6 +547,7 @@ int main() {
       cmocka_unit_test(test_polynomial_sigma_without_model_covers),
       cmocka_unit_test(test_polynomial_without_model_tells_the_noise),
       cmocka_unit_test(test_the_shape_of_a_residual),
+      cmocka_unit_test(test_no_shape_is_told_of_healthy_logs),
       cmocka_unit_test(test_polynomial_without_model_leaves_knocks_out),
       cmocka_unit_test(test_polynomial_without_model_sees_a_frozen_thermometer),
       cmocka_unit_test(test_fast_rows_do_not_hide_a_fast_ramp),

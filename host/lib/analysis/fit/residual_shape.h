@@ -3,9 +3,9 @@
 //
 // Means of 128 s.  A jump: the largest difference of two that are neighbours; a warm-up: the first of a log, from the middle
 // of all.  Both are compared with what such differences and means usually are in the same residual (median of the size), so
-// that no model of the noise is needed, and slow noise counts as what is usual.  Limits: of 2376 simulated healthy axes
-// (0.6 deg/sqrt(h); 20 dph with 100 s and 15 dph with 200, 400 and 1000 s; three profiles of 78 to 235 min) the largest jump was
-// 5.3 and the largest warm-up 4.5 times the usual: none is told (at 95 % fewer than 13 of 10,000 axes are).
+// that no model of the noise is needed, and slow noise counts as what is usual.  Limits: of 320 healthy logs of 140 min
+// (0.6 deg/sqrt(h); 20 dph with 100 s, 15 dph with 200, 400 and 1000 s) none is told anything: fewer than 1 in 100 are, with
+// 95 % confidence (tests/host/test_fit.cpp, LONG=1).
 #pragma once
 #include <cstddef>
 #include <vector>
