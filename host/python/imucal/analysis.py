@@ -157,7 +157,8 @@ def _samples(rate_dph):
 
 
 def _tau_text(tau_s):
-    return tau_s if isinstance(tau_s, str) else ",".join(f"{t:.15g}" for t in np.atleast_1d(tau_s))
+    """A text and None as they are, numbers as a text."""
+    return tau_s if tau_s is None or isinstance(tau_s, str) else ",".join(f"{t:.15g}" for t in np.atleast_1d(tau_s))
 
 
 def _taus(tau_s):
@@ -266,7 +267,7 @@ def expect(model, tau_s=None, type="dp2", nominal=None):
     with Folder() as folder:
         nominal = (nominal, "nominal") if nominal is not None else (model, "model")
         options = ["--nominal", folder.json(*nominal)] if type in ("dp2", "dp3") else []
-        options += ["--tau", _tau_text(tau_s)] if tau_s is not None else []
+        options += _option("--tau", _tau_text(tau_s))
         result = folder.run("errormodel", "expect", folder.json(model, "model"), "--type", type, *options)
     n = len(result["tau_s"])
     return DirectPredictor(np.array(result["tau_s"]), np.array(result["dp_dph"]), np.full((n, 2), np.nan), np.zeros(n, int))
@@ -283,23 +284,35 @@ def _logs(folder, logs):
     return [folder.log(as_log(log)) for log in _many(logs)]
 
 
+def _models(folder, models):
+    """An option for each model, or for one by itself."""
+    return _given("--model", [folder.json(model, "model") for model in _many(models)])
+
+
+def _option(name, value):
+    """An option and its value; nothing of None: that is the program's own choice."""
+    return [] if value is None else [name, value]
+
+
+def _file(folder, name, value, called):
+    """An option and the path of a model or the like; nothing of None."""
+    return [] if value is None else [name, folder.json(value, called)]
+
+
 def _given(name, values):
     """An option for each of some values, or for one by itself."""
     return [word for value in _many(values) for word in (name, os.fspath(value))]
 
 
 def _curve_options(folder, axes, detrend, tau_s, type, nominal):
-    """What errormodel fit and errormodel check take of axes and curves; None: the program's own choice."""
-    options = ["--detrend", detrend] if detrend is not None else []
-    options += ["--tau", _tau_text(tau_s)] if tau_s is not None else []
-    options += ["--type", type] if type else []
-    options += ["--nominal", folder.json(nominal, "nominal")] if nominal is not None else []
-    return options + _given("--axis", axes)
+    """What errormodel fit and errormodel check take of axes and curves."""
+    options = _option("--detrend", detrend) + _option("--tau", _tau_text(tau_s)) + _option("--type", type or None)
+    return options + _file(folder, "--nominal", nominal, "nominal") + _given("--axis", axes)
 
 
 def _span(name, values):
-    """An option of two temperatures, LOW:HIGH; none where there are none."""
-    return [] if values is None else [name, f"{values[0]:.15g}:{values[1]:.15g}"]
+    """An option of two temperatures, LOW:HIGH."""
+    return _option(name, None if values is None else f"{values[0]:.15g}:{values[1]:.15g}")
 
 
 def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
@@ -366,8 +379,7 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend=None, tau_s
     Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section III.
     """
     with Folder() as folder:
-        options = _curve_options(folder, axes, detrend, tau_s, type, nominal) + _given("--accept", accept)
-        options += ["--markov", markov] if markov is not None else []
+        options = _curve_options(folder, axes, detrend, tau_s, type, nominal) + _given("--accept", accept) + _option("--markov", markov)
         r = folder.run("errormodel", "fit", *_logs(folder, logs), "--criterion", criterion, "-o", folder.new(".json"), *options)
     _judged(r)
     return ErrorModelFit(r["model"], r.get("std_errors", {}), r["bounded"], r["excess"]["worst"], r["excess"]["mean"], r.get("log_likelihood"), r)
@@ -429,12 +441,10 @@ def calibrate(logs, order=3, model=None, method=None, axes=(), accept=(), range_
     """
     with Folder() as folder:
         table = folder.new(".json")
-        models = [] if model is None else _many(model)
-        options = [word for m in models for word in ("--model", folder.json(m, "model"))]
-        options += _given("--axis", axes) + _given("--accept", accept) + _span("--range", range_degc)
+        models = _models(folder, model)
+        options = models + _given("--axis", axes) + _given("--accept", accept) + _span("--range", range_degc)
         options += ["--shared-turn-on"] if shared_turn_on else []
-        options += ["--max-error", max_error_dph] if max_error_dph is not None else []
-        options += ["--serial", serial] if serial is not None else []
+        options += _option("--max-error", max_error_dph) + _option("--serial", serial)
         r = folder.run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if models else "poly"), "--order", order, "-o", table,
                        *options)
         _judged(r)
@@ -495,8 +505,7 @@ def calibration_error(profile, model, order=3, filter_model=None, range_degc=Non
     DataError : a profile or a model that cannot be used
     """
     with Folder() as folder:
-        options = ["--filter-model", folder.json(filter_model, "filter_model")] if filter_model is not None else []
-        options += _span("--range", range_degc)
+        options = _file(folder, "--filter-model", filter_model, "filter_model") + _span("--range", range_degc)
         profiles = [folder.json(p, "profile") for p in _many(profile)]
         r = folder.run("profile", "error", *profiles, "--model", folder.json(model, "model"), "--order", order, *options)
     return CalibrationError(np.array(r["temp_degc"]), np.array(r["sigma_dph"]), np.array(r["believed_sigma_dph"]), r["worst_dph"], r["rms_dph"],
@@ -526,8 +535,7 @@ def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s=None, 
     """
     with Folder() as folder:
         path = folder.new(".json")
-        limit = ["--duration-s", duration_s] if duration_s is not None else []
-        limit += ["--required-error", required_error_dph] if required_error_dph is not None else []
+        limit = _option("--duration-s", duration_s) + _option("--required-error", required_error_dph)
         r = folder.run("profile", "optimize", "--model", folder.json(model, "model"), "--order", order, *_span("--range", range_degc),
                        "--max-rate", max_rate_degc_per_min, *limit, "--seed", seed, "-o", path)
         with open(path, encoding="utf-8") as file:
@@ -558,9 +566,7 @@ def simulate(model, profile, n_axes=None, seed=1, effects=None, log_index=0, n_l
     """
     with Folder() as folder:
         path = folder.new(".csv")
-        options = [word for m in _many(model) for word in ("--model", folder.json(m, "model"))]
-        options += ["--effects", folder.json(effects, "effects")] if effects is not None else []
-        options += ["--axes", n_axes] if n_axes is not None else []
+        options = _models(folder, model) + _file(folder, "--effects", effects, "effects") + _option("--axes", n_axes)
         folder.run("gyrosim", "log", "--profile", folder.json(profile, "profile"), "--seed", seed, "--log-index", log_index, "--n-logs", n_logs, "-o", path,
                    *options)
         return read_log(path)
@@ -568,11 +574,9 @@ def simulate(model, profile, n_axes=None, seed=1, effects=None, log_index=0, n_l
 
 def _data_sheet(arw, white, instability):
     """The options of a data sheet in the place of a model."""
-    options = ["--arw", arw] if arw is not None else []
-    options += ["--white", white] if white is not None else []
-    if instability is not None:
-        options += ["--instability", instability if isinstance(instability, str) else ":".join(f"{value:.15g}" for value in instability)]
-    return options
+    if instability is not None and not isinstance(instability, str):
+        instability = ":".join(f"{value:.15g}" for value in instability)
+    return _option("--arw", arw) + _option("--white", white) + _option("--instability", instability)
 
 
 def diagnose(logs, model=None, holdout=(), axes=(), without=(), only=(), false_alarm_rate=0.01, seed=1, threads=0, arw=None, white=None, instability=None):
@@ -605,8 +609,8 @@ def diagnose(logs, model=None, holdout=(), axes=(), without=(), only=(), false_a
     UsageError : a model and a data sheet, or an effect that is not in the library
     """
     with Folder() as folder:
-        options = ["--model", folder.json(model, "model")] if model is not None else []
-        options += _data_sheet(arw, white, instability) + _given("--axis", axes) + _given("--without", without) + _given("--only", only)
-        options += [word for log in _logs(folder, logs) for word in ("--log", log)] + [word for log in _logs(folder, holdout) for word in ("--holdout", log)]
+        options = _file(folder, "--model", model, "model") + _data_sheet(arw, white, instability)
+        options += _given("--axis", axes) + _given("--without", without) + _given("--only", only)
+        options += _given("--log", _logs(folder, logs)) + _given("--holdout", _logs(folder, holdout))
         return folder.run("diagnose", *options, "--false-alarm-rate", false_alarm_rate, "--seed", seed, "--threads", threads, "--quiet",
                           negative_is_answer=True)
