@@ -15,6 +15,7 @@ from .errors import DataError
 from .log import Log, read_log
 from .native import core
 from .programs import Folder, model_text
+from .units import unit_of_axis
 
 
 @dataclass
@@ -80,7 +81,7 @@ class AxisCalibration:
     @property
     def unit(self):
         """"dph", or "mg" of an accelerometer."""
-        return "mg" if self.axis.endswith(("_mg", "_ms2")) else "dph"
+        return unit_of_axis(self.axis)
 
     def bias_dph(self, at_degc):
         """B(T)."""

@@ -10,6 +10,8 @@ import math
 import os
 import re
 
+from .units import unit_of_axis
+
 VERDICTS = {
     "no_gap": ("No gap found", "#2f855a"),
     "explained": ("Gap explained", "#2b6cb0"),
@@ -77,7 +79,7 @@ def with_hours(text):
 
 def unit_of(axis):
     """The unit of an axis' rates: 'dph', or 'mg' of an accelerometer."""
-    return axis.get("unit") or ("mg" if axis["axis"].endswith(("_mg", "_ms2")) else "dph")
+    return axis.get("unit") or unit_of_axis(axis["axis"])
 
 
 def in_unit(unit_text, unit):

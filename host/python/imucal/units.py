@@ -32,6 +32,11 @@ def unit_in_name(name):
     return None
 
 
+def unit_of_axis(name):
+    """The unit of an axis' rates inside, by its name: "dph", or "mg" of an accelerometer."""
+    return "mg" if name.endswith(("_mg", "_ms2")) else "dph"
+
+
 #: unit of temperature -> (what a degree is, what 0 is, its name)
 TEMP_UNITS = {"C": (1.0, 0.0, "degrees Celsius"), "K": (1.0, -273.15, "kelvin"), "F": (1 / 1.8, -32 / 1.8, "degrees Fahrenheit")}
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..direction import directions
 from ..errors import DataError
+from ..units import unit_of_axis
 from . import subplots, tidy
 from .calibration import draw_error
 from .marks import CURVE, LIKELIHOOD, MUTED, draw_directions
@@ -35,7 +36,7 @@ def _minutes(log, axis):
 
 def _axis_of_table(top, below, axis, logs, is_first):
     """Rate and polynomial above; what the polynomial leaves, and the error that was predicted of it, below."""
-    unit = "mg" if axis["axis"].endswith("_mg") else "dph"
+    unit = unit_of_axis(axis["axis"])
     span = np.array(axis.get("temp_degc") or axis["span_degc"], float)
     grid = np.linspace(span.min(), span.max(), 100)
     if axis.get("sigma_dph"):
