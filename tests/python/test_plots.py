@@ -63,6 +63,8 @@ def test_calibration_error_and_profile_are_the_programs(result):
     np.testing.assert_array_equal(drawn(figure.axes[0])["ramp"], error["sigma_dph"])
     minutes, temp = profiles.temperature_curve(RAMP)
     assert minutes.tolist() == [0, 100, 110] and temp == [0, 60, 60]
+    minutes, temp = profiles.temperature_curve({**RAMP, "repeat": 2})
+    assert minutes.tolist() == [0, 100, 110, 110, 120] and temp == [0, 60, 60, 60, 60]
 
 
 @pytest.mark.parametrize("script", ["figures_dp.py", "figures_profile.py", "diagnosis_report.py", "plot_calibration.py", "demo.py"])

@@ -16,6 +16,7 @@ from . import subplots
 from ..diagnosis_words import number, plain
 from ..direction import FALLING, RESTING, RISING, directions
 from .marks import DIRECTIONS, GRID, INK, MUTED
+from .profiles import temperature_curve
 
 import matplotlib.ticker  # isort: skip  (after imucal.plot, which loads it without what no page needs)
 from matplotlib.colors import BoundaryNorm, ListedColormap  # isort: skip
@@ -282,17 +283,8 @@ def draw_candidates(candidates, tests=(), named=()):
 
 def draw_profile(profile):
     """The temperature profile that is advised."""
-    now, t, times, temps = float(profile["start_degc"]), 0.0, [0.0], [float(profile["start_degc"])]
-    for segment in profile["segments"] * int(profile.get("repeat") or 1):
-        rate = segment.get("rate_degc_per_min", 0)
-        if rate:
-            t += abs(segment["to_degc"] - now) / abs(rate) * 60
-            now = float(segment["to_degc"])
-        else:
-            t += float(segment["duration_s"])
-        times.append(t / 3600)
-        temps.append(now)
+    minutes, temp_degc = temperature_curve(profile)
     fig, ax = subplots(size=(4.6, 2.0), layout="constrained")
-    ax.plot(times, temps, color=AFTER, linewidth=1.8)
+    ax.plot(minutes / 60, temp_degc, color=AFTER, linewidth=1.8)
     ax.set(xlabel="time [h]", ylabel="temp. [°C]")
-    return svg_image(fig, f"Advised profile of {60 * times[-1]:.0f} minutes")
+    return svg_image(fig, f"Advised profile of {minutes[-1]:.0f} minutes")

@@ -15,13 +15,14 @@ SIGNATURES = (("lag", "s"), ("dT/dt", "°/h per °C/min"), ("hysteresis", "°/h"
 def temperature_curve(profile):
     """Corners (t_min, temp_degc) of a profile."""
     t_s, temp = [0.0], [profile["start_degc"]]
-    for s in profile["segments"]:
-        if s["rate_degc_per_min"] == 0:
+    for s in profile["segments"] * (profile.get("repeat") or 1):
+        rate = s.get("rate_degc_per_min")
+        if rate:
+            t_s.append(t_s[-1] + 60 * abs((s["to_degc"] - temp[-1]) / rate))
+            temp.append(s["to_degc"])
+        else:
             t_s.append(t_s[-1] + s["duration_s"])
             temp.append(temp[-1])
-        else:
-            t_s.append(t_s[-1] + 60 * abs((s["to_degc"] - temp[-1]) / s["rate_degc_per_min"]))
-            temp.append(s["to_degc"])
     return np.array(t_s) / 60, temp
 
 
