@@ -80,14 +80,18 @@ def draw_compensated(ax, axis):
     ax.axhline(0, color=INK, lw=0.6)
 
 
+def draw_predicted(ax, temp_degc, sigma_dph):
+    """One and two of the sigmas that are predicted of a polynomial's error."""
+    sigma = np.asarray(sigma_dph)
+    ax.fill_between(temp_degc, -2 * sigma, 2 * sigma, color=COMPENSATED, alpha=0.10, lw=0, label="predicted two sigma")
+    ax.fill_between(temp_degc, -sigma, sigma, color=COMPENSATED, alpha=0.22, lw=0, label="predicted one sigma")
+
+
 def draw_error(ax, axis):
     """Lower panel: error of the polynomial against what the filter predicted of it."""
-    temp = np.asarray(axis["table"]["temp_degc"])
-    sigma = np.asarray(axis["table"]["sigma_dph"])
-    ax.fill_between(temp, -2 * sigma, 2 * sigma, color=COMPENSATED, alpha=0.10, lw=0, label="predicted two sigma")
-    ax.fill_between(temp, -sigma, sigma, color=COMPENSATED, alpha=0.22, lw=0, label="predicted one sigma")
+    draw_predicted(ax, axis["table"]["temp_degc"], axis["table"]["sigma_dph"])
     if axis.get("truth_error_dph"):
-        ax.plot(temp, axis["truth_error_dph"], color=TRUTH, lw=1.8, label="learned minus true polynomial")
+        ax.plot(axis["table"]["temp_degc"], axis["truth_error_dph"], color=TRUTH, lw=1.8, label="learned minus true polynomial")
     else:
         draw_directions(ax, axis["after"], means=True, dots=False)
     ax.axhline(0, color=INK, lw=0.6)

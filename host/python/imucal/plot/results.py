@@ -8,8 +8,8 @@ from ..direction import directions
 from ..errors import DataError
 from ..units import unit_of_axis
 from . import subplots, tidy
-from .calibration import draw_error
-from .marks import CURVE, LIKELIHOOD, MUTED, draw_directions
+from .calibration import draw_predicted
+from .marks import CURVE, INK, LIKELIHOOD, MUTED, draw_directions
 from .prediction import NAMES
 from .profiles import temperature_curve
 
@@ -40,9 +40,8 @@ def _axis_of_table(top, below, axis, logs, is_first):
     span = np.array(axis.get("temp_degc") or axis["span_degc"], float)
     grid = np.linspace(span.min(), span.max(), 100)
     if axis.get("sigma_dph"):
-        draw_error(below, {"table": {"temp_degc": axis["temp_degc"], "sigma_dph": axis["sigma_dph"]},
-                           "truth_error_dph": [0.0] * len(axis["temp_degc"])})
-        below.get_lines()[0].remove()  # the truth is not known
+        draw_predicted(below, axis["temp_degc"], axis["sigma_dph"])
+        below.axhline(0, color=INK, lw=0.6)
     for log in logs:
         if axis["axis"] in log.rates and log.has_temperature:
             temp, rate, moves = _minutes(log, axis["axis"])
