@@ -73,6 +73,15 @@ def test_curves_models_and_profiles_show_the_numbers_of_the_programs(folder):
     assert figure.axes[0].get_lines()[0].get_ydata()[1] == 60
 
 
+def test_a_table_of_an_accelerometer_is_drawn_in_its_unit(folder):
+    text = (folder / "table.json").read_text()
+    figure, gyro = (results.result_figure(json.loads(t), "table") for t in (text.replace("dph", "mg"), text))
+    for ax, same in zip(figure.axes, gyro.axes):
+        assert ax.get_ylabel() == same.get_ylabel().replace("dph", "mg") and ax.get_ylabel().endswith(", mg")
+        for line, other in zip(ax.get_lines(), same.get_lines(), strict=True):
+            np.testing.assert_array_equal(line.get_ydata(), other.get_ydata())
+
+
 @pytest.mark.parametrize("name, head", [("t.png", b"\x89PNG"), ("t.svg", b"<?xml"), ("t.pdf", b"%PDF")])
 def test_the_command_writes_a_picture(folder, name, head, capsys):
     assert main(["plot", str(folder / "table.json"), "--log", str(folder / "log.csv"), "-o", str(folder / name)]) == 0

@@ -76,7 +76,7 @@ class Table:
 
 
 def gyro_names(model):
-    """A model of unit "mg" with the members' names of the contract: white_mg_rt_hz over 60 is arw_deg_rt_h, sigma_mg sigma_dph …"""
+    """A model, or an axis of a table, of unit "mg" with the members' names of the contract: white_mg_rt_hz over 60 is arw_deg_rt_h, sigma_mg sigma_dph …"""
     if not isinstance(model, dict):
         return model
     named = {}

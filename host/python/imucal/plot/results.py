@@ -6,6 +6,7 @@ import numpy as np
 
 from ..direction import directions
 from ..errors import DataError
+from ..table import gyro_names
 from ..units import unit_of_axis
 from . import subplots, tidy
 from .calibration import draw_predicted
@@ -55,7 +56,7 @@ def _axis_of_table(top, below, axis, logs, is_first):
 
 def table_figure(table, logs=()):
     """A calibration table, or the result of `calibrate fit`, with the logs that it was made of."""
-    axes = table["axes"]
+    axes = [gyro_names(axis) for axis in table["axes"]]
     figure, grid = subplots(2, len(axes), size=(4.2 * len(axes) + 0.6, 6.4), squeeze=False, sharex="col", layout="constrained")
     for column, axis in enumerate(axes):
         _axis_of_table(grid[0][column], grid[1][column], axis, list(logs), column == 0)
@@ -130,7 +131,7 @@ def result_figure(result, name, logs=()):
     if not isinstance(result, dict):
         raise DataError(f"{name}: no result of a program; expected {_KNOWN}")
     axes = result.get("axes")
-    if axes and isinstance(axes[0], dict) and "coeff_dph" in axes[0]:
+    if axes and isinstance(axes[0], dict) and ("coeff_dph" in axes[0] or "coeff_mg" in axes[0]):
         return table_figure(result, logs)
     if axes and isinstance(axes[0], dict) and "verdict" in axes[0]:
         raise DataError(f"{name}: a diagnosis has a page of its own: imucal report {name} -o report.html")
