@@ -147,9 +147,7 @@ class Record:
         self.before_dph, self.after_dph = array(data["before_dph"]), array(data["after_dph"])
         self.polynomial_dph = array(data["polynomial_dph"])
         self.temp_degc = array(data["temp_degc"])
-        self.has_temperature = bool(np.isfinite(self.temp_degc).any())
         self.logs = list(dict.fromkeys(self.log.tolist()))
-        self.believed_mean = "polynomial" if self.has_temperature else "mean of the log" if len(self.logs) == 1 else "mean of each log"
         self.chosen = directions_of(data)
         self.cause_dph = self.before_dph - self.after_dph
         self._split()
@@ -157,7 +155,7 @@ class Record:
     def _split(self):
         """Polynomial and constants: least squares of a smooth curve and one constant for each log."""
         columns = [self.log == k for k in self.logs]
-        span = np.ptp(self.temp_degc) if self.has_temperature else 0
+        span = np.ptp(self.temp_degc) if np.isfinite(self.temp_degc).any() else 0
         powers = []
         if span > 0:
             powers = [(2 * (self.temp_degc - self.temp_degc.min()) / span - 1)**k for k in range(1, SMOOTHEST_ORDER + 1)]
