@@ -217,9 +217,9 @@ static void test_a_statement_is_printed_in_the_place_of_the_doubt(void**) {
   assert_has(both, "a simulation gets that from white noise added to each axis: correlation 1, sigma_dph 46.7");
   SelectedEffect teeth = effect_of("telegraph_noise", 30);
   open_member(&teeth);
-  const char* const doubt = "the logs tell the family of the cause, not its member";
+  const char* const doubt = "the logs tell the family of the cause, but not which member it is";
   assert_has(said(Verdict::kExplained, {teeth}, {}), doubt);
-  teeth.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";
+  teeth.statement = "only the family is known: it jumps one way more than the other, as teeth do";
   const std::string text = said(Verdict::kExplained, {teeth}, {});
   assert_has(text, "as teeth do");
   assert_lacks(text, doubt);
@@ -391,7 +391,7 @@ static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
              "the gap grows by 30 % (95 %: 20 to 40;");
   assert_has(said(Verdict::kPartlyExplained, ramp, {}, gap_of(-1, -1, -1)), "the gap grows by more than 100 %");
   const std::string hidden = said(Verdict::kExplained, ramp, {}, gap_of(0.8, 0.2, 1));
-  assert_has(hidden, "no figure: noise hides how far the gap shrinks (95 %: 20 to 100 %;");
+  assert_has(hidden, "how far the gap shrinks is hidden by noise (95 %: 20 to 100 %;");
   assert_lacks(hidden, "shrinks by");
 }
 
@@ -400,21 +400,22 @@ static void test_it_is_said_why_there_is_no_figure(void**) {
   GapResult gap;
   gap.gain_of_seconds_by_unit = {180, 240}, gap.foretold.hours = 4.8;
   const auto text_of = [&](const char* name) { return said(Verdict::kExplained, {effect_of(name, 20)}, {}, gap); };
-  assert_has(text_of("sinusoid"),
-             "held out  no figure: a tone has a phase of its own in every log; the held-out seconds are likelier "
-             "by 210 nats in 4.8 h\n");
-  assert_has(text_of("outliers"),
-             "no figure: noise foretells how far rates scatter, not where they are; the held-out seconds are");
+  assert_has(text_of("sinusoid"), "held out  how far the gap shrinks is not known: a tone has a phase of its own in "
+                                  "every log; the held-out seconds are likelier "
+                                  "by 210 nats in 4.8 h\n");
+  assert_has(text_of("outliers"), "how far the gap shrinks is not known: noise predicts how far rates scatter, not "
+                                  "where they are; the held-out seconds are");
   gap.gain_of_seconds_by_unit = {-2, -4};
   assert_has(text_of("outliers"), "the held-out seconds are less likely by 3 nats in 4.8 h");
   gap.gain_of_seconds_by_unit.clear();
-  assert_has(text_of("bias_step"), "held out  no figure: jumps in time are of their logs alone\n");
+  assert_has(text_of("bias_step"),
+             "held out  how far the gap shrinks is not known: jumps in time are of their logs alone\n");
   SelectedEffect steps = effect_of("quantization", 20);
   steps.is_structural = true;
   assert_has(said(Verdict::kExplained, {steps}, {}, {}),
-             "no figure: what was done to the samples is no part of the mean\n");
+             "how far the gap shrinks is not known: what was done to the samples is no part of the mean\n");
   assert_has(said(Verdict::kUnexplained, {}, {}, {}),
-             "no figure: nothing is named that foretells the mean of other data\n");
+             "how far the gap shrinks is not known: nothing is named that predicts the mean of other data\n");
   assert_lacks(said(Verdict::kNoGap, {}, {}, {}), "held out");
 }
 
@@ -443,7 +444,7 @@ static void test_an_extrapolated_residual_is_not_told(void**) {
   assert_true(far.minutes.errors_above_noise() == 0);
   for (const char* name : {"rate_ramp", "flicker_noise"}) {
     const std::string text = said(Verdict::kPartlyExplained, {effect_of(name, 20)}, {}, far);
-    assert_has(text, "no figure: no rates at temperatures that were fitted");
+    assert_has(text, "how far the gap shrinks is not known: no rates at temperatures that were fitted");
     assert_lacks(text, "400000000");
     assert_lacks(text, "times what the noise alone");
   }

@@ -353,11 +353,11 @@ def test_folds_are_open_on_paper(page, tmp_path):
 
 def test_a_shrinkage_without_a_figure_says_why(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
-    diagnosis["axes"][0].update(gap={"shrinkage": None, "ci95": None, "statement": "no figure: noise hides how far the gap shrinks"})
+    diagnosis["axes"][0].update(gap={"shrinkage": None, "ci95": None, "statement": "how far the gap shrinks is hidden by noise"})
     text = run(tmp_path, diagnosis)[1]
-    assert "On data that were not fitted: no figure: noise hides how far the gap shrinks." in text
-    diagnosis["axes"][0]["gap"].update(statement="", remainder="jumps at single moments foretell no other data")
-    assert "<p>What is left: jumps at single moments foretell no other data.</p>" in run(tmp_path, diagnosis)[1]
+    assert "On data that were not fitted: how far the gap shrinks is hidden by noise." in text
+    diagnosis["axes"][0]["gap"].update(statement="", remainder="jumps at single moments predict no other data")
+    assert "<p>What is left: jumps at single moments predict no other data.</p>" in run(tmp_path, diagnosis)[1]
 
 
 def test_hash_of_a_log_beside_the_diagnosis(tmp_path):

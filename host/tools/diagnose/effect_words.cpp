@@ -18,7 +18,7 @@ constexpr double kWeak_nats = 3; // of evidence; below, odds of less than 20 to 
 const char* doubt_text(Doubt doubt) {
   switch (doubt) {
   case Doubt::kMemberOpen:
-    return "the logs tell the family of the cause, not its member";
+    return "the logs tell the family of the cause, but not which member it is";
   case Doubt::kShapeOpen:
     return "a free shape of this family follows the logs more closely than any of its members: the family is told, "
            "its member is open";

@@ -135,7 +135,7 @@ std::string remainder(const AxisResult& axis) {
     add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
   if (!g.has_mean &&
       finds(s, [](const SelectedEffect& e) { return e.term.estimator && e.term.form() == Form::kSteps; }))
-    add("jumps at single moments foretell no other data");
+    add("jumps at single moments predict no other data");
   if (!g.has_mean && finds(s, is_noise)) add("a noise has no mean to predict");
   if (!rejected.empty() && said.empty()) return "considered and rejected: " + joined(rejected, ", ");
   if (!rejected.empty()) return joined(said, "; ") + ".  Considered and rejected: " + joined(rejected, ", ");
@@ -236,11 +236,11 @@ std::string no_mean_statement(const AxisResult& axis) {
   if (has_form(Form::kTone)) why.push_back("a tone has a phase of its own in every log");
   if (has_form(Form::kSteps)) why.push_back("jumps in time are of their logs alone");
   if (finds(s, is_noise) || has_form(Form::kAxes))
-    why.push_back("noise foretells how far rates scatter, not where they are");
+    why.push_back("noise predicts how far rates scatter, not where they are");
   if (finds(s, [](const SelectedEffect& e) { return e.is_structural; }))
     why.push_back("what was done to the samples is no part of the mean");
-  if (why.empty()) why.push_back("nothing is named that foretells the mean of other data");
-  std::string out = "no figure: " + joined(why, ", ");
+  if (why.empty()) why.push_back("nothing is named that predicts the mean of other data");
+  std::string out = "how far the gap shrinks is not known: " + joined(why, ", ");
   if (g.is_gain_of_seconds())
     out += format("; the held-out seconds are %s by %.3g nats in %.2g h", g.gain() < 0 ? "less likely" : "likelier",
                   0.5 * std::fabs(g.gain()) * g.foretold.hours, g.foretold.hours);
@@ -256,7 +256,8 @@ std::string held_out_statement(const AxisResult& axis) {
   if (!g.minutes.has_residual())
     return axis.study.selection.verdict == Verdict::kNoGap
                ? ""
-               : "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
+               : "how far the gap shrinks is not known: no rates at temperatures that were fitted (" +
+                     std::string(held_out_text(g.method)) + ")";
   const std::string residual =
       format("residual of %s %s -> %s %s%s, %s", means_text(g).c_str(), figure(g.minutes.rms_before_dph, axis).c_str(),
              figure(g.minutes.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
@@ -271,16 +272,18 @@ std::string held_out_statement(const AxisResult& axis) {
                   has_stand_in(axis) ? stand_in_does(g.shrinkage).c_str() : "leaves more than before",
                   residual.c_str());
   if (!g.has_mean && g.minutes.run_to_run_rms_dph > 0)
-    return "no figure: what differs from run to run foretells no other run; " + residual;
+    return "how far the gap shrinks is not known: what differs from run to run predicts no other run; " + residual;
   if (!claims_shrinkage(axis)) return no_mean_statement(axis);
   if (g.is_of_starts)
-    return format("no figure: only the states in which the runs began are seen, and these foretell nothing (%s); %s",
+    return format("how far the gap shrinks is not known: only the states in which the runs began are seen, and these "
+                  "predict nothing (%s); %s",
                   held_out_text(g.method), residual.c_str());
   if (g.is_of_nearest)
-    return format("no figure: what the nearest shape with parameters gets wrong is not known well enough (%s); %s",
+    return format("how far the gap shrinks is not known: what the nearest shape with parameters gets wrong is not "
+                  "known well enough (%s); %s",
                   held_out_text(g.method), residual.c_str());
   if (!g.has_figure())
-    return format("no figure: noise hides how far the gap shrinks (95 %%: %.0f to %.0f %%; %s); %s", 100 * g.ci_lo,
+    return format("how far the gap shrinks is hidden by noise (95 %%: %.0f to %.0f %%; %s); %s", 100 * g.ci_lo,
                   100 * g.ci_hi, held_out_text(g.method), residual.c_str());
   if (g.ci_hi <= kScaleEnd)
     return format("the gap grows by more than 100 %% (%s); %s", held_out_text(g.method), residual.c_str());

@@ -177,7 +177,7 @@ std::vector<std::string> notes(const AxisResult& axis) {
   if (s.is_told_by_held_out && !s.effects.empty() && s.effects.front().family != Family::kSlowNoise)
     out.push_back("slow noise would explain the fitted logs as well; what is named is told by all logs together");
   if (!s.own_jumps.empty())
-    out.push_back("held-out logs have jumps of their own, which no fitted log foretells: " +
+    out.push_back("held-out logs have jumps of their own, which no fitted log predicts: " +
                   steps_text(s.own_jumps, true, axis_unit(axis.axis)) + " held out; the level after each is left free");
   if (s.n_dropouts > 0)
     out.push_back(format("%zu exact zeros that are no rates are drop-outs and were left out", s.n_dropouts));

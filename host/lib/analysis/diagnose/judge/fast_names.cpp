@@ -30,7 +30,7 @@ bool jumps_seldom(const Campaign& campaign, const FastFinding& found) {
 // Two levels are not told from single jumps by so few of them.
 void open_seldom_jumps(const AxisQuestion& question, Names* names, SelectedEffect* effect) {
   open_member(effect);
-  effect->statement = "the family of the cause, not its member: so few jumps are single events or a noise that jumps";
+  effect->statement = "only the family is known: so few jumps are single events or a noise that jumps";
   const auto is_steps = [](const SelectedEffect& e) { return e.term.effect && e.term.form() == Form::kSteps; };
   names->effects.erase(std::remove_if(names->effects.begin(), names->effects.end(), is_steps), names->effects.end());
   add_equal(question.first_kind([](const EffectEstimator& e) { return e.form() == Form::kSteps; }), effect);
@@ -96,7 +96,7 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
   if (is_slow && !is_jumping) add_same_spectrum(question, &effect);
   if (found.fast.jumping.has_teeth && best.effect->estimator()->is_jumping()) {
     open_member(&effect);
-    effect.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";
+    effect.statement = "only the family is known: it jumps one way more than the other, as teeth do";
   } else if (jumps_seldom(question.campaign, best)) {
     open_seldom_jumps(question, names, &effect);
   }

@@ -155,8 +155,7 @@ private:
       add_same_spectrum(question_, effect);
     }
     if (effect->statement.empty() && effect->set.size() == 1)
-      effect->statement =
-          "the family of the cause, not its member: the only one that comes near leaves more than plain noise";
+      effect->statement = "only the family is known: the only one that comes near leaves more than plain noise";
   }
   // A line is what it is: it stands in for nothing, unless lines remain.
   bool is_member(const SelectedEffect& effect) const {
@@ -251,8 +250,7 @@ void judge_teeth(const Campaign& campaign, Names* names) {
     };
     if (std::none_of(names->effects.begin(), names->effects.end(), is_taken_back)) continue;
     open_member(&jumps);
-    jumps.statement =
-        "the family of the cause, not its member: jumps that take back what a drift brings, as the teeth of a saw";
+    jumps.statement = "only the family is known: jumps that take back what a drift brings, as the teeth of a saw";
     names->reject_those(is_taken_back, &names->effects);
     return;
   }
