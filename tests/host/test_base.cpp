@@ -238,6 +238,9 @@ static void test_lines_are_wrapped_at_blanks_and_hang_under_their_text(void**) {
   // No label: two blanks further.  The last line has no end, as it was.
   assert_string_equal(wrapped("gx_dph: a gap, explained: thermal_hysteresis", 40).c_str(),
                       "gx_dph: a gap, explained:\n  thermal_hysteresis");
+  // Text that begins further right than 20 characters is none behind a label.
+  assert_string_equal(wrapped("warning of the first log:  it has no temperatures", 40).c_str(),
+                      "warning of the first log:  it has no\n  temperatures");
   // A word that is too long, and a row of a table, stay whole.
   const std::string word(50, 'x'), row = "    1.67    4.618    4.966    4.758    4.323    4.123";
   assert_string_equal(wrapped("the file " + word + " is", 40).c_str(), ("the file\n  " + word + "\n  is").c_str());

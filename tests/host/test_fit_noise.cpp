@@ -197,6 +197,34 @@ void test_expected_innovations_are_those_of_a_long_run(void**) {
   assert_true(own.rejects < 1e-8 && std::abs(own.nis_spread - 1) < 1e-5);
 }
 
+// The figure of blocks scatters so much more than that of independent ones: 400 records of 40 blocks.
+void test_spread_of_blocks_is_that_of_many_records(void**) {
+  ErrorModel model = kTwoTerms;
+  model.markov = {{60, 3}, {25, 1500}};
+  const imucal_kf_config_t config = kf_config(model, 3, 30, 30);
+  const ExpectedInnovations expected = expected_innovations(config, noise_of(model), 1);
+  const double m = 1 - static_cast<double>(config.m), q = static_cast<double>(config.q),
+               r = static_cast<double>(config.r);
+  constexpr size_t kRecords = 400, kBlocks = 40, kSettle = 6000;
+  double squares = 0;
+  for (uint64_t run = 0; run < kRecords; ++run) {
+    double variance = static_cast<double>(config.markov_variance), x = 0, sum = 0, slow = 0;
+    const std::vector<double> z = draw(model, 100 + run, kSettle + 256 * kBlocks);
+    for (size_t k = 0; k < z.size(); ++k) {
+      const double s = variance + r, nu = z[k] - x;
+      if (k >= kSettle) sum += nu / std::sqrt(s);
+      if (k >= kSettle && (k - kSettle + 1) % 256 == 0) slow += sum * sum / 256, sum = 0;
+      x = m * (x + variance / s * nu);
+      variance = m * m * variance * r / s + q;
+    }
+    squares += std::pow(slow / kBlocks / expected.slow - 1, 2);
+  }
+  const double ratio = squares / kRecords / (2 * expected.slow_spread / kBlocks);
+  std::fprintf(stderr, "spread of blocks %.2f times that of white ones, seen %.2f times that\n", expected.slow_spread,
+               ratio);
+  assert_true(expected.slow_spread > 1.2 && ratio > 0.75 && ratio < 1.25); // 400 squares: 7 % each standard deviation
+}
+
 // A reading that stands two, three and ten seconds; the same sensor read once a second is accepted, however coarse.
 void test_held_readings_are_refused(void**) {
   ErrorModel model;
@@ -236,6 +264,7 @@ int main() {
       cmocka_unit_test(test_residual_that_is_no_noise_is_refused),
       cmocka_unit_test(test_two_terms_are_judged_by_their_own_model),
       cmocka_unit_test(test_expected_innovations_are_those_of_a_long_run),
+      cmocka_unit_test(test_spread_of_blocks_is_that_of_many_records),
       cmocka_unit_test(test_held_readings_are_refused),
       cmocka_unit_test(test_table_notes_are_of_the_axes_with_an_accepted_reason),
   };
