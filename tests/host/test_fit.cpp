@@ -349,6 +349,9 @@ void test_the_shape_of_a_residual(void**) {
     for (size_t k = 5000; k < jump.size(); ++k) jump[k] += 200;
     for (size_t k = 0; k < warm.size(); ++k) warm[k] += 300 * std::exp(-static_cast<double>(k) / 500);
     single[3000] = 1e5;
+    std::vector<double> few = residual; // rows of which few have a value are no mean
+    for (size_t k = 4000; k < 4300; ++k) few[k] = k % 64 == 0 ? 200 : std::numeric_limits<double>::quiet_NaN();
+    assert_int_equal(told(few), told(residual));
     assert_int_equal(told(jump) & 1, 1);
     assert_int_equal(told(warm) & 2, 2);
     assert_int_equal(told(single), told(residual));

@@ -14,6 +14,7 @@
 #include "analysis/fit/expected.h"
 #include "analysis/fit/fit.h"
 #include "analysis/fit/judge.h"
+#include "analysis/fit/residual_noise.h"
 #include "base/rng.h"
 
 extern "C" {
@@ -197,6 +198,34 @@ void test_expected_innovations_are_those_of_a_long_run(void**) {
   assert_true(own.rejects < 1e-8 && std::abs(own.nis_spread - 1) < 1e-5);
 }
 
+// Fast noise alone: a slower process may be there that BIC does not want; what the residuals leave of it is counted, beside
+// whole models whose weights are one together.  Its density at low frequency is no more than theirs.
+void test_slow_noise_that_is_not_seen_is_counted(void**) {
+  ErrorModel fast = kTwoTerms;
+  fast.markov.resize(1);
+  const Log log = log_of(fast, 1);
+  const std::vector<double> z = draw(fast, 1, log.size());
+  ResidualRun run;
+  run.steps.assign(z.size(), 1);
+  run.columns.resize(static_cast<Eigen::Index>(z.size()), 5);
+  for (Eigen::Index k = 0; k < run.columns.rows(); ++k) {
+    const double tn = log.temp_degc[static_cast<size_t>(k)] / 30 - 1;
+    run.columns.row(k) << z[static_cast<size_t>(k)], 1, tn, tn * tn, tn * tn * tn;
+  }
+  const NoiseBelief belief = believe_residuals({run}, 1, true);
+  double whole = 0, whole_density = 0, unseen = 0, unseen_density = 0; // densities: 2 sigma^2 tau
+  for (size_t i = 0; i < belief.noise.size(); ++i) {
+    const NoiseModel& noise = belief.noise[i];
+    double density = noise.white_sigma_dph * noise.white_sigma_dph;
+    for (const Markov& m : noise.markov) density += 2 * m.sigma_dph * m.sigma_dph * m.tau_s;
+    (noise.white_sigma_dph > 0 ? whole : unseen) += belief.weight[i];
+    (noise.white_sigma_dph > 0 ? whole_density : unseen_density) += belief.weight[i] * density;
+  }
+  std::fprintf(stderr, "unseen: weight %.3f, %.2f of the density\n", unseen, unseen_density / whole_density);
+  assert_true(std::abs(whole - 1) < 1e-9 && unseen > 0 && unseen < 1);
+  assert_true(unseen_density > 0.01 * whole_density && unseen_density < whole_density);
+}
+
 // The figure of blocks scatters so much more than that of independent ones: 400 records of 40 blocks.
 void test_spread_of_blocks_is_that_of_many_records(void**) {
   ErrorModel model = kTwoTerms;
@@ -264,6 +293,7 @@ int main() {
       cmocka_unit_test(test_residual_that_is_no_noise_is_refused),
       cmocka_unit_test(test_two_terms_are_judged_by_their_own_model),
       cmocka_unit_test(test_expected_innovations_are_those_of_a_long_run),
+      cmocka_unit_test(test_slow_noise_that_is_not_seen_is_counted),
       cmocka_unit_test(test_spread_of_blocks_is_that_of_many_records),
       cmocka_unit_test(test_held_readings_are_refused),
       cmocka_unit_test(test_table_notes_are_of_the_axes_with_an_accepted_reason),
