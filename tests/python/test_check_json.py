@@ -57,6 +57,7 @@ FILES = {
     "model with a field twice": ("model", two_fields(but(MODEL), "arw_deg_rt_h"), False, "twice"),
     "model with a huge ARW": ("model", but(MODEL, arw_deg_rt_h=1e9), False, "arw_deg_rt_h"),
     "model with 1e999": ("model", but(MODEL).replace("0.6", "1e999"), False, "1e999"),
+    "model with a number of 5000 digits": ("model", but(MODEL).replace("0.6", "9" * 5000), False, "is too large"),
     "model with an unknown effect": ("model", but(MODEL, effects__0__name="thermal_hysteresys"), False, "thermal_hysteresys"),
     "model with an effect's parameter of another name": ("model", but(MODEL, effects__0__parameters={"amplitude": 3}), False, "amplitude"),
     "model with a short time constant": ("model", but(MODEL, markov__0__tau_s=1e-9), False, "markov[0].tau_s"),
@@ -99,6 +100,14 @@ def test_check_and_the_programs_agree(tmp_path, name, capsys):
     assert main(["check", str(path)]) == (0 if is_valid else 3)
     said = capsys.readouterr()
     assert is_valid and "a valid " + kind in said.out or re.search(r"file\.json:\d+: ", said.err) and word in said.err, said
+
+
+@pytest.mark.parametrize("command", [["export", "--to", "px4"], ["export", "--to", "kalibr"], ["plot"]], ids=" ".join)
+def test_a_log_in_the_place_of_json_is_named_with_the_remedy(tmp_path, command, capsys):
+    path = tmp_path / "log.csv"
+    path.write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n1,25,3\n")
+    assert main([command[0], str(path), *command[1:], "-o", str(tmp_path / "out.png")]) == 3
+    assert f"log.csv:1: no JSON (column 1: Expecting value); imucal check {path} tells what it is" in capsys.readouterr().err
 
 
 def test_json_in_another_coding_is_refused_with_its_line(tmp_path, capsys):

@@ -80,11 +80,13 @@ def parse(path, text):
     try:
         data = json.loads(text, parse_constant=_no_constant)
     except json.JSONDecodeError as error:
-        raise DataError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}") from None
+        place = f"column {error.colno}: {error.msg}"
+        words = place if text.lstrip().startswith(("{", "[")) else f"no JSON ({place}); imucal check {path} tells what it is"
+        raise DataError(f"{path}:{error.lineno}: {words}") from None
     except _Constant as error:
         at = next(m.start() for m in re.finditer(r'"(?:\\.|[^"\\])*"|NaN|-?Infinity', text, re.S) if not m[0].startswith('"'))
         raise DataError(f"{path}:{line_of(text, at)}: {error} is not a finite number, and no JSON; give a number or leave the field out") from None
-    except RecursionError:  # the programs say how deep is too deep
+    except (RecursionError, ValueError):  # the programs say how deep is too deep, and which number is too large
         pass
     message = _asked(path, text, "")
     if message:
