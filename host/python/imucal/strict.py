@@ -10,6 +10,7 @@ from .errors import DataError
 from .inputs import not_utf8, plain_file
 from .native import core
 
+N_TEMPERATURES = 9  # of a table's predicted error, evenly over its span
 _PLACE = re.compile(r"((?:[A-Za-z_]\w*)(?:\[\d+\]|\.[A-Za-z_]\w*)*)(?: \([^)]*\) ([A-Za-z_]\w*))?")
 
 
@@ -103,9 +104,10 @@ def _table_contradiction(path, data, text):
         names.add(axis["axis"])
         lo, hi = axis["span_degc"]
         temp = axis.get("temp_degc")
-        if temp is not None and (len(temp) != 9 or any(abs(t - (lo + (hi - lo) * k / 8)) > 1e-3 * (hi - lo) for k, t in enumerate(temp))):
-            return (f"{path}:{line_of(text, places[('axes', i, 'temp_degc')])}: axes[{i}].temp_degc: expected nine temperatures evenly from {lo:g} to {hi:g} degC, "
-                    "the span")
+        evenly = [lo + (hi - lo) * k / (N_TEMPERATURES - 1) for k in range(N_TEMPERATURES)]
+        if temp is not None and (len(temp) != len(evenly) or any(abs(t - e) > 1e-3 * (hi - lo) for t, e in zip(temp, evenly))):
+            return (f"{path}:{line_of(text, places[('axes', i, 'temp_degc')])}: axes[{i}].temp_degc: expected nine temperatures "
+                    f"evenly from {lo:g} to {hi:g} degC, the span")
     return None
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .strict import read_valid
+from .strict import N_TEMPERATURES, read_valid
 
 
 @dataclass
@@ -95,7 +95,7 @@ def _channel(axis):
     unit = name.rpartition("_")[2] or "dph"
     return Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
                    np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])),
-                   np.array(axis.get("temp_degc", np.linspace(*axis["span_degc"], 9)), float), np.array(axis[f"sigma_{unit}"], float),
+                   np.array(axis.get("temp_degc", np.linspace(*axis["span_degc"], N_TEMPERATURES)), float), np.array(axis[f"sigma_{unit}"], float),
                    float(axis[f"{unit}_per_count"]), list(axis.get("accepted", [])), float(axis.get("error_factor", 1)))
 
 
