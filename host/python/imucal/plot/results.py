@@ -6,10 +6,12 @@ import numpy as np
 
 from ..direction import directions
 from ..errors import DataError
+from ..strict import N_TEMPERATURES
 from ..table import gyro_names
 from ..units import unit_of_axis
 from . import subplots, tidy
 from .calibration import draw_predicted
+from .fields import Fields
 from .marks import CURVE, INK, LIKELIHOOD, MUTED, draw_directions
 from .prediction import NAMES
 from .profiles import temperature_curve
@@ -38,10 +40,10 @@ def _minutes(log, axis):
 def _axis_of_table(top, below, axis, logs, is_first):
     """Rate and polynomial above; what the polynomial leaves, and the error that was predicted of it, below."""
     unit = unit_of_axis(axis["axis"])
-    span = np.array(axis.get("temp_degc") or axis["span_degc"], float)
-    grid = np.linspace(span.min(), span.max(), 100)
+    temp_degc = np.array(axis.get("temp_degc") or np.linspace(*axis["span_degc"], N_TEMPERATURES), float)
+    grid = np.linspace(temp_degc.min(), temp_degc.max(), 100)
     if axis.get("sigma_dph"):
-        draw_predicted(below, axis["temp_degc"], axis["sigma_dph"])
+        draw_predicted(below, temp_degc, axis["sigma_dph"])
         below.axhline(0, color=INK, lw=0.6)
     for log in logs:
         if axis["axis"] in log.rates and log.has_temperature:
@@ -85,7 +87,7 @@ def curves_figure(result):
 
 def model_figure(result):
     """A curve of the data and that of a model (`errormodel fit`, `check`), or of the model alone (`expect`)."""
-    has_data = "data_dp_dph" in result
+    has_data = result.get("data_dp_dph") is not None
     rows = 2 if has_data else 1
     figure, panels = subplots(rows, 1, size=(7.5, 2.6 + 1.8 * rows), squeeze=False, sharex=True, layout="constrained",
                               height_ratios=[2.2, 1][:rows])
@@ -106,7 +108,7 @@ def model_figure(result):
 
 def profile_figure(result):
     """Predicted calibration error of a profile with its bounds, below the profile itself where the result holds one."""
-    has_profile, unit = "profile" in result, result.get("unit", "dph")
+    has_profile, unit = result.get("profile") is not None, result.get("unit", "dph")
     rows = 2 if has_profile else 1
     figure, panels = subplots(rows, 1, size=(7.5, 1.8 + 2.6 * rows), squeeze=False, layout="constrained")
     ax = panels[-1][0]
@@ -126,19 +128,74 @@ def profile_figure(result):
     return figure
 
 
+def _check_table(result):
+    for axis in result.objects("axes"):
+        unit = "mg" if "coeff_mg" in axis else "dph"
+        axis.text("axis")
+        for name in ("order", "t0_degc", "range_degc"):
+            axis.number(name)
+        axis.numbers(f"coeff_{unit}")
+        n = axis.numbers("temp_degc") if "temp_degc" in axis else axis.numbers("span_degc", 2) and N_TEMPERATURES
+        if f"sigma_{unit}" in axis:
+            axis.numbers(f"sigma_{unit}", n)
+
+
+def _check_curves(result):
+    for curve in result.objects("curves"):
+        curve.text("log")
+        curve.text("axis")
+        curve.text("type", NAMES)
+        n = curve.numbers("tau_s")
+        curve.numbers("dp_dph", n, gaps=True)
+        if "ci95_dph" in curve:
+            curve.pairs("ci95_dph", n)
+
+
+def _check_model(result):
+    result.text("type", NAMES)
+    n = result.numbers("tau_s")
+    for name in ("data_dp_dph", "model_dp_dph") if "data_dp_dph" in result else ("dp_dph",):
+        result.numbers(name, n, gaps=True)
+
+
+def _check_profile(result):
+    result.numbers("sigma_dph", result.numbers("temp_degc"), gaps=True)
+    result.number("bound_dph")
+    result.number("worst_dph")
+    if "proven_bound_dph" in result:
+        result.number("proven_bound_dph")
+    if "profile" not in result:
+        return
+    profile = result.inner("profile")
+    profile.number("start_degc")
+    profile.whole("repeat", default=1)
+    for segment in profile.objects("segments"):
+        segment.number("duration_s" if segment.number("rate_degc_per_min") == 0 else "to_degc")
+
+
+def _first(result, name):
+    """The first of a list of objects; an empty one where there is no such list."""
+    values = result.get(name)
+    return values[0] if isinstance(values, list) and values and isinstance(values[0], dict) else {}
+
+
 def result_figure(result, name, logs=()):
-    """The figure of a result; DataError where it is none that has a figure."""
+    """The figure of a result; DataError where it is none that has a figure, or has a field that is none of a result."""
     if not isinstance(result, dict):
         raise DataError(f"{name}: no result of a program; expected {_KNOWN}")
-    axes = result.get("axes")
-    if axes and isinstance(axes[0], dict) and ("coeff_dph" in axes[0] or "coeff_mg" in axes[0]):
+    axis = _first(result, "axes")
+    if "coeff_dph" in axis or "coeff_mg" in axis:
+        _check_table(Fields(name, result))
         return table_figure(result, logs)
-    if axes and isinstance(axes[0], dict) and "verdict" in axes[0]:
+    if "verdict" in axis:
         raise DataError(f"{name}: a diagnosis has a page of its own: imucal report {name} -o report.html")
-    if result.get("curves") and "dp_dph" in result["curves"][0]:
+    if "dp_dph" in _first(result, "curves"):
+        _check_curves(Fields(name, result))
         return curves_figure(result)
     if "tau_s" in result and ("dp_dph" in result or "data_dp_dph" in result):
+        _check_model(Fields(name, result))
         return model_figure(result)
     if "sigma_dph" in result and "bound_dph" in result:
+        _check_profile(Fields(name, result))
         return profile_figure(result)
     raise DataError(f"{name}: there is no figure of this; expected {_KNOWN}")
