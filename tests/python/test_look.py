@@ -238,6 +238,32 @@ def test_too_short_a_log_and_a_folder_that_is_not_there_are_refused(tmp_path, ca
     assert "there is no folder" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["page.jpg", "page", "-"])
+def test_a_page_of_another_kind_than_its_name_says_is_a_usage_error(tmp_path, name, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_log("run.csv", simulated(n=400))
+    assert main(["look", "run.csv", "--no-ml", "-o", name]) == 2
+    assert f"-o {name}: expected a name that ends in .png, .html" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_an_axis_named_twice_is_looked_at_once(tmp_path, capsys):
+    write_log(tmp_path / "run.csv", simulated(n=3000))
+    assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "p.png"), "--axis", "gx_dph", "--axis", "gx_dph"]) == 0
+    text = capsys.readouterr().out
+    assert text.count("gx_dph: noise from the plots") == 1 and "taken twice" not in text and "refused" not in text
+
+
+def test_axes_that_the_page_has_no_room_for_are_said(tmp_path, capsys):
+    log = simulated(n=400)
+    log.rates = {f"g{k}_dph": log.rates["gx_dph"] + 10 * np.random.default_rng(k).standard_normal(400) for k in range(8)}
+    write_log(tmp_path / "run.csv", log)
+    assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "p.png"), "--no-ml"]) == 0
+    said = capsys.readouterr()
+    assert "g5_dph: noise" in said.out and "g6_dph: noise" not in said.out
+    assert "run.csv: a page has room for six axes: g6_dph, g7_dph left out; choose with --axis" in said.err
+
+
 def test_recorded_loop_of_the_chamber_log_is_suspected(tmp_path, capsys):
     path = DATA / "chamber.csv"
     if not path.exists():

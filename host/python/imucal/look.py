@@ -10,7 +10,7 @@ from . import look_words
 from .ahead import ahead
 from .cli import common_options, finish_json, parser_of
 from .diagnosis_words import many
-from .errors import DataError, DataWarning
+from .errors import DataError, DataWarning, UsageError
 from .firstlook import look_at_axis
 from .importers import Options, check_options, detect, import_log
 from .inputs import plain_file
@@ -21,6 +21,8 @@ from .plot.loading import load_renderer
 
 
 _FEWEST_S = 100
+_MOST_AXES = 6
+_PAGES = (".png", ".html", ".htm")
 _NO_RATE = 1 | 4  # flags: saturated, sensor fault
 
 
@@ -29,7 +31,7 @@ def _parser():
     parser.add_argument("file", metavar="FILE", help="a log of any format imucal import knows")
     parser.add_argument("-o", "--output", metavar="PAGE.png|PAGE.html", help="page to write (default: FILE's name with .look.png, in this folder)")
     parser.add_argument("--order", type=int, default=3, choices=range(0, 6), metavar="N", help="of the polynomial (default 3)")
-    parser.add_argument("--axis", action="append", metavar="NAME", help="axis, repeatable; default all, up to six")
+    parser.add_argument("--axis", action="append", metavar="NAME", help="axis, repeatable; default: all; six are the most")
     parser.add_argument("--instance", type=int, metavar="N")
     parser.add_argument("--time", metavar="COL[:UNIT]")
     parser.add_argument("--gyro", metavar="X,Y,Z")
@@ -58,7 +60,10 @@ def _axes(log, wanted):
     for name in wanted or ():
         if name not in log.rates:
             raise DataError(f"{log.path}: no axis \"{name}\" (there are: {', '.join(log.axes)})")
-    return (wanted or log.axes)[:6]
+    axes = list(dict.fromkeys(wanted or log.axes))
+    if beyond := axes[_MOST_AXES:]:
+        warnings.warn(f"{log.path}: a page has room for six axes: {', '.join(beyond)} left out; choose with --axis", DataWarning, stacklevel=2)
+    return axes[:_MOST_AXES]
 
 
 def _usable(path, log, axes):
@@ -123,6 +128,8 @@ def run(arguments):
 
 def _look(given, source):
     output = given.output or source.stem + ".look.png"
+    if not output.lower().endswith(_PAGES):
+        raise UsageError(f"-o {output}: expected a name that ends in {', '.join(_PAGES)}")
     keep_input(given.file, output, given.json)
     matplotlib_is_there = ahead(load_renderer)  # takes as long as reading the log
     log, imported = _load(given, source)
