@@ -235,7 +235,7 @@ def test_too_short_a_log_and_a_folder_that_is_not_there_are_refused(tmp_path, ca
     assert "too short" in capsys.readouterr().err
     write_log(tmp_path / "run.csv", simulated(n=400))
     assert main(["look", str(tmp_path / "run.csv"), "--no-ml", "-o", str(tmp_path / "none/p.png")]) == 3
-    assert "there is no folder" in capsys.readouterr().err
+    assert "none/p.png: cannot write: No such file or directory; does the folder exist?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["page.jpg", "page", "-"])

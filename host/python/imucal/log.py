@@ -369,7 +369,8 @@ def write_bytes(path, data):
     except OSError as error:
         if not in_place and os.path.exists(temporary):
             os.unlink(temporary)
-        raise DataError(f"{path}: cannot write: {error.strerror}") from None
+        folder = "; does the folder exist?" if isinstance(error, FileNotFoundError) else ""
+        raise DataError(f"{path}: cannot write: {error.strerror}{folder}") from None
 
 
 def write_text(path, text):

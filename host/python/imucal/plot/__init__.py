@@ -5,11 +5,9 @@ Here stand the first look at a log and what all share; `calibration`, `diagnosis
 `profiles` draw the results of the programs, from their JSON."""
 import base64
 import html
-import os
 
 import numpy as np
 
-from ..errors import DataError
 from ..log import write_bytes
 from .loading import load
 from .marks import CURVE, DIRECTIONS, GRID, INK, LIKELIHOOD, MUTED, TEMPERATURE, WARNING, draw_directions
@@ -236,11 +234,8 @@ def _place(width_in, height_in, row, rows, column, columns):
 
 def save_page(page, path, title, lines):
     """PNG, or one HTML file with the picture and the text."""
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder):
-        raise DataError(f"{path}: there is no folder {folder}")
     data = page.png()
-    if path.endswith((".html", ".htm")):
+    if path.lower().endswith((".html", ".htm")):
         text = "\n".join(html.escape(line) for line in lines)
         data = (f"<!doctype html><meta charset=utf-8><title>{html.escape(title)}</title><style>body{{font:14px/1.5 sans-serif;color:{INK};margin:2em}}"
                 f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1>"
