@@ -141,11 +141,11 @@ def _noise(look):
         look.allan_tau_s, look.allan, look.allan_ci95 = allan_deviation_of(grid)
 
 
-def look_at_axis(log, axis, order=3):
-    """All figures of one axis of a Log."""
+def look_at_axis(log, axis, order=3, moves=None):
+    """All figures of one axis of a Log; moves: the directions of its temperature, where they are known."""
     rate = log.rates[axis]
     look = AxisLook(axis, axis.rpartition("_")[2], log.t_s, log.temp_degc, rate, rate.copy(), None)
-    look.direction = directions(log.t_s, log.temp_degc)
+    look.direction = directions(log.t_s, log.temp_degc) if moves is None else moves
     look.lattice = lattice_of(rate)
     suspicions.leave_out(look)
     _fit(look, order)

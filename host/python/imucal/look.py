@@ -10,6 +10,7 @@ from . import look_words
 from .ahead import ahead
 from .cli import common_options, finish_json, parser_of
 from .diagnosis_words import many
+from .direction import directions
 from .errors import DataError, DataWarning, UsageError
 from .firstlook import look_at_axis
 from .importers import Options, check_options, detect, import_log
@@ -137,17 +138,19 @@ def _look(given, source):
     if len(log.t_s) < _FEWEST_S:
         raise DataError(f"{source.path}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
     axes = _usable(source.path, log, axes)
-    looks = [look_at_axis(log, axis, given.order) for axis in axes]
+    moves = directions(log.t_s, log.temp_degc)
+    looks = [look_at_axis(log, axis, given.order, moves) for axis in axes]
     asked = Asked(source.path, log, looks, bool(imported), not given.no_ml, look_words.calibration(log, looks))
     try:
         for look in looks:
             look.ml = asked.likelihood(look)
             look.expected = asked.expected_allan(look)
+        matplotlib_is_there()
+        picture = look_page(log, looks, source.base).png()  # while the calibration is tried
         lines = text_lines(given, source, log, looks, imported, asked.refused)
     finally:
         asked.close()
-    matplotlib_is_there()
-    save_page(look_page(log, looks, source.base), output, source.base, lines)
+    save_page(picture, output, source.base, lines)
     if not given.quiet and given.json != "-":
         print("\n".join(lines + [f"page: {output}"]))
     for note in imported.notes if imported else ():

@@ -232,14 +232,14 @@ def _place(width_in, height_in, row, rows, column, columns):
     return left, (top - high) * below, left + wide, top * below
 
 
-def save_page(page, path, title, lines):
-    """PNG, or one HTML file with the picture and the text."""
-    data = page.png()
+def save_page(picture, path, title, lines):
+    """The bytes of a PNG file as they are, or one HTML file with the picture and the text."""
+    data = picture
     if path.lower().endswith((".html", ".htm")):
         text = "\n".join(html.escape(line) for line in lines)
         data = (f"<!doctype html><meta charset=utf-8><title>{html.escape(title)}</title><style>body{{font:14px/1.5 sans-serif;color:{INK};margin:2em}}"
                 f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1>"
-                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'>"
+                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(picture).decode()}'>"
                 f"<pre>{text}</pre>\n").encode()
     write_bytes(path, data)
 
