@@ -156,3 +156,18 @@ def test_limits_need_a_table(tmp_path, capsys):
     _limits(tmp_path, max_sigma=6)
     assert main(["check", str(tmp_path / "m.json"), "--limits", str(tmp_path / "limits.json")]) == 3
     assert "none of the files is one" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", ["-1", "1.5", "99999999999999999999999"])
+def test_an_example_with_a_seed_that_cannot_be_leaves_no_folder(tmp_path, seed, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["example", str(tmp_path / "play"), f"--seed={seed}"])
+    assert ended.value.code == 2 and not (tmp_path / "play").exists()
+    assert f'argument --seed: expected a whole number 0 .. 2^64 - 1, found "{seed}"' in capsys.readouterr().err
+
+
+def test_an_example_without_the_simulator_leaves_no_folder(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("imucal.programs.os.access", lambda *_: False)
+    monkeypatch.setenv("PATH", "")
+    assert main(["example", str(tmp_path / "play")]) == 3
+    assert "the program gyrosim is not found" in capsys.readouterr().err and not (tmp_path / "play").exists()

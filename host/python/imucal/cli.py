@@ -15,11 +15,16 @@ def parser_of(name, description):
     return parser
 
 
-def _threads(text):
-    """The programs' limits (host/tools/cli/program.cpp)."""
-    if not (text.isdecimal() and int(text) <= 1024):
-        raise argparse.ArgumentTypeError(f"expected a whole number 0 .. 1024, found \"{text}\"")
-    return int(text)
+def whole(most, called=None):
+    """The type of an option that is a whole number from 0 to `most`, which a message may call otherwise."""
+    def number(text):
+        if not (text.isascii() and text.isdecimal() and int(text) <= most):
+            raise argparse.ArgumentTypeError(f"expected a whole number 0 .. {called or most}, found \"{text}\"")
+        return int(text)
+    return number
+
+
+_threads = whole(1024)  # the programs' limits (host/tools/cli/program.cpp)
 
 
 def common_options(parser):

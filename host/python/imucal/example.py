@@ -3,10 +3,10 @@
 import json
 import os
 
-from .cli import common_options, finish_json, parser_of
+from .cli import common_options, finish_json, parser_of, whole
 from .errors import DataError
 from .log import write_text
-from .programs import run as run_program
+from .programs import find, run as run_program
 
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
@@ -68,9 +68,10 @@ def run(arguments):
     """Run the command; returns the exit status."""
     parser = parser_of("example", "A folder to play with: model, profile, limits, logs of a sensor with a fault, and a script from log to diagnosis.")
     parser.add_argument("folder", metavar="DIR")
-    parser.add_argument("--seed", type=int, default=SEED, help="of the noise")
+    parser.add_argument("--seed", type=whole(2**64 - 1, "2^64 - 1"), metavar="N", default=SEED, help="of the noise")
     common_options(parser)
     given = parser.parse_args(arguments)
+    find("gyrosim")  # nothing is made without it
     _make_folder(given.folder)
     model, profile = _write(given.folder, "model.json", MODEL), _write(given.folder, "profile.json", PROFILE)
     _write(given.folder, "limits.json", LIMITS)
