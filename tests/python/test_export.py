@@ -211,6 +211,28 @@ def test_c_header_compiles_cleanly_and_computes_the_table(table, tmp_path, order
         assert np.abs(fixed / 2.0 ** bits - channel.bias(temp)).max() <= (order + 1) * 2.0 ** -bits[0] + slope
 
 
+def test_c_header_compiles_whatever_the_axes_and_the_device_are_called(tmp_path, table):
+    data = table_json(names=("g-x_dph", "g.y_dph", "gz_dph"))
+    data["serial"] = "/*A*/B"
+    (tmp_path / "table.json").write_text(json.dumps(data))
+    text, notes = c_header.export(read_table(tmp_path / "table.json"), SimpleNamespace(prefix="cal"))
+    assert "cal_g_x_bias(float temp_degc)" in text and "g-x_dph is called g_x in C" in notes and len(notes) == 2
+    (tmp_path / "table.h").write_text(text)
+    subprocess.run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wno-unused-function", "-Werror", "-fsyntax-only", "-x", "c", str(tmp_path / "table.h")], check=True)
+
+
+def test_axes_that_would_be_one_name_in_c_are_refused(table):
+    with pytest.raises(DataError, match="table.json: g-x_dph and G.X_dph would both be called g_x in C: rename one"):
+        c_header.export(table(names=("g-x_dph", "G.X_dph")), SimpleNamespace(prefix="cal"))
+
+
+@pytest.mark.parametrize("device", [-5, 2 ** 31, 99999999999999])
+def test_a_device_id_that_px4_cannot_hold_is_a_usage_error(table, tmp_path, device, capsys):
+    table()
+    assert main(["export", str(tmp_path / "table.json"), "--to", "px4", "--device-id", str(device), "-o", str(tmp_path / "out")]) == 2
+    assert f"--device-id {device}: expected a whole number 0 .. 2147483647" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_json_holds_the_curve_three_ways(table):
     data = json.loads(plain_json.export(table(order=4), NOTHING)[0])
     for axis in data["axes"]:

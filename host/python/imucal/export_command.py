@@ -16,6 +16,7 @@ _TABLE = {"px4": "px4", "ardupilot": "ardupilot", "c-header": "c_header", "json"
 #: what a target takes besides
 _OPTIONS = {"px4": ("instance", "device_id"), "ardupilot": ("instance",), "c-header": ("prefix",), "kalibr": ("accel", "rate_hz"), "ros": ("accel", "rate_hz"),
             "matlab": ("rate_hz",)}
+_LARGEST_ID = 2**31 - 1  # PX4's parameter TC_G*_ID is an INT32
 _MODEL = ["kalibr", "ros", "matlab", "datasheet"]
 
 
@@ -38,6 +39,8 @@ def _check_options(given):
     for option in ("instance", "device_id", "prefix", "accel", "rate_hz"):
         if getattr(given, option) is not None and option not in _OPTIONS.get(given.to, ()):
             raise UsageError(f"--{option.replace('_', '-')} says nothing to --to {given.to}; leave it out")
+    if given.device_id is not None and not 0 <= given.device_id <= _LARGEST_ID:
+        raise UsageError(f"--device-id {given.device_id}: expected a whole number 0 .. {_LARGEST_ID}")
     if given.rate_hz is not None and not 0 < given.rate_hz < math.inf:
         raise UsageError(f"--rate-hz {given.rate_hz:g}: expected the samples per second, more than 0")
     if given.prefix is not None and not re.fullmatch(r"[A-Za-z_]\w*", given.prefix, re.ASCII):

@@ -6,9 +6,11 @@ Float form: B(T), and compensation with the scale factor, by Horner in Tn.  Inte
 roundings and the rounding of Tn add less than one unit of the last place, weighed by the slope: see max_error below.
 """
 import math
+import re
 
 import numpy as np
 
+from ..errors import DataError
 from .cubic import text
 
 _PRELUDE = """/* Thermal calibration of {serial}, table {sequence}, {created}; made by imucal export.
@@ -84,13 +86,31 @@ static inline int32_t {prefix}_{name}_bias_fixed(int32_t temp_mdegc) {{
 """
 
 
+def _names(table):
+    """What each channel is called in C; DataError where two would be called the same, as macros in capitals too."""
+    names, owners = [], {}
+    for channel in table.channels:
+        name = re.sub(r"\W", "_", channel.stem, flags=re.ASCII)
+        other = owners.setdefault(name.lower(), channel.axis)
+        if other != channel.axis:
+            raise DataError(f"{table.path}: {other} and {channel.axis} would both be called {name.lower()} in C: rename one")
+        names.append(name)
+    return names
+
+
+def _in_comment(text):
+    """A text that neither ends the comment it stands in nor begins another."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
 def export(table, options):
     """(text, notes) of the header."""
-    prefix = options.prefix or "imucal_table"
-    parts = [_PRELUDE.format(serial=table.serial, sequence=table.sequence, created=table.created, prefix=prefix, upper=prefix.upper())]
-    for channel in table.channels:
-        name = channel.stem
-        parts.append(f"/* {channel.axis}: order {channel.order}, {channel.span_degc[0]:g} to {channel.span_degc[1]:g} degC */\n")
+    prefix, names = options.prefix or "imucal_table", _names(table)
+    parts = [_PRELUDE.format(serial=_in_comment(table.serial), sequence=table.sequence, created=table.created, prefix=prefix, upper=prefix.upper())]
+    for name, channel in zip(names, table.channels):
+        lo, hi = channel.span_degc
+        parts.append(f"/* {_in_comment(channel.axis)}: order {channel.order}, {lo:g} to {hi:g} degC */\n")
         parts.append(_float_form(prefix, name, channel) + _fixed_form(prefix, name, channel) + "\n")
-    notes = [f"{c.axis}: the integer form leaves its scale factor out" for c in table.channels if np.any(c.scale_coeff)]
+    notes = [f"{c.axis} is called {name} in C" for name, c in zip(names, table.channels) if name != c.stem]
+    notes += [f"{c.axis}: the integer form leaves its scale factor out" for c in table.channels if np.any(c.scale_coeff)]
     return "".join(parts) + "#endif\n", notes
