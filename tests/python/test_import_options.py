@@ -57,3 +57,11 @@ def test_topic_that_a_bag_has_not_lists_those_it_has(files):
 def test_library_takes_the_same_view(files):
     with pytest.raises(UsageError, match="--unit"):
         imucal.import_log(files / "log.ulog", unit="dps")
+
+
+def test_what_a_library_says_of_a_file_is_one_line(tmp_path, capsys):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag/metadata.yaml").write_text("nonsense: [")
+    assert main(["import", str(tmp_path / "bag"), "-o", str(tmp_path / "log.csv")]) == 3
+    said = capsys.readouterr().err
+    assert "a ROS bag that cannot be read (AnyReaderError: " in said and said.count("\n") == 1

@@ -136,6 +136,11 @@ def need(module, package, path, what):
         raise DataError(f"{path}: {what} is read with the Python library {package}, which is not installed: pip install {package}") from None
 
 
+def cause(error):
+    """What a library says of a file, in one line."""
+    return ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+
+
 def file_sha256(path):
     """SHA-256 of a file, or of the files of a bag's folder in order of their names."""
     digest = hashlib.sha256()

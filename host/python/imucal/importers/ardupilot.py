@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import DataError
 from ..stream import Motion, Stream
 from ..units import DPH_PER_RADPS, MG_PER_MS2
-from . import need
+from . import cause, need
 from .tail import CUT, dataflash_is_cut
 
 #: format letter -> numpy type; c C e E are hundredths (LogStructure.h)
@@ -33,7 +33,7 @@ class _Messages:
             with contextlib.redirect_stdout(io.StringIO()):  # it prints what it does not know
                 self._log = reader.DFReader_binary(path)
         except Exception as error:
-            raise DataError(f"{path}: an ArduPilot log that cannot be read ({type(error).__name__}: {error}); download it again") from None
+            raise DataError(f"{path}: an ArduPilot log that cannot be read ({cause(error)}); download it again") from None
         self._bytes = np.frombuffer(self._log.data_map, np.uint8)
         self._by_name = {f.name: f for f in self._log.formats.values()}
         self.lengths = {f.type: f.len for f in self._log.formats.values()}

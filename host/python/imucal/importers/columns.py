@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import DataError
 from ..log import CUT_ROW
 from ..native import core_or_none
-from . import need
+from . import cause, need
 from .named import Columns, numbers, stream_of, unexpected
 
 _core = core_or_none()
@@ -193,7 +193,7 @@ def _place(path, body, at, delimiter, error):
     """The line a table breaks at; polars' own words where it cannot be found."""
     rows = csv.reader(io.StringIO(body.decode("utf-8", "replace")), delimiter=delimiter)
     try:
-        return _first_odd_row(path, rows, at) or f"{path}: a table that cannot be read: {str(error).splitlines()[0]}"
+        return _first_odd_row(path, rows, at) or f"{path}: a table that cannot be read: {cause(error)}"
     except csv.Error as odd:
         return f"{path}:{at + rows.line_num}: {odd}; is a quotation mark opened and never closed?"
 
@@ -228,7 +228,7 @@ def streams(path, options):
         try:
             columns, preface, notes = _to_numpy(polars.read_parquet(path)), [], []
         except Exception as error:
-            raise DataError(f"{path}: a Parquet table that cannot be read ({str(error).splitlines()[0]}); it may be cut short") from None
+            raise DataError(f"{path}: a Parquet table that cannot be read ({cause(error)}); it may be cut short") from None
     else:
         columns, preface, notes = _read_csv(path)
     is_blackbox = any(n.startswith("gyroADC") or n.startswith("gyroUnfilt") for n in columns)

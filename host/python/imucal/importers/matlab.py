@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 
 from ..errors import DataError
-from . import need
+from . import cause, need
 from .named import stream_of
 
 
@@ -122,7 +122,7 @@ def _read(path):
     except DataError:
         raise
     except Exception as error:
-        raise DataError(f"{path}: a MATLAB file that cannot be read ({type(error).__name__}: {error}); save it again with save -v7") from None
+        raise DataError(f"{path}: a MATLAB file that cannot be read ({cause(error)}); save it again with save -v7") from None
 
 
 def streams(path, options):

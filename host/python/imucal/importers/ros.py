@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import DataError
 from ..stream import Motion, Stream
 from ..units import DPH_PER_RADPS, MG_PER_MS2
-from . import need
+from . import cause, need
 
 IMU, TEMPERATURE = "sensor_msgs/msg/Imu", "sensor_msgs/msg/Temperature"
 
@@ -63,7 +63,7 @@ def _read(path):
     except DataError:
         raise
     except Exception as error:  # the library's readers raise their own and sqlite's, yaml's, struct's
-        raise DataError(f"{path}: a ROS bag that cannot be read ({type(error).__name__}: {error}); a bag cut short is mended by "
+        raise DataError(f"{path}: a ROS bag that cannot be read ({cause(error)}); a bag cut short is mended by "
                         "ros2 bag reindex, or rosbag reindex") from None
     return topics, {key: np.array(rows) for key, rows in samples.items()}
 

@@ -16,7 +16,7 @@ from ..errors import DataError
 from ..native import core_or_none
 from ..stream import Motion, Stream
 from ..units import DPH_PER_RADPS, MG_PER_MS2
-from . import need
+from . import cause, need
 from .tail import CUT, ulog_is_cut
 
 GYRO, ACCEL, COMBINED, FIFO = "sensor_gyro", "sensor_accel", "sensor_combined", "sensor_gyro_fifo"
@@ -145,7 +145,7 @@ def _read(path):
     try:
         log = _whole(pyulog, os.fspath(path))
     except Exception as error:  # pyulog raises what its parser meets: struct, index, key, type errors
-        raise DataError(f"{path}: a ULog that cannot be read ({type(error).__name__}: {error}); it may be cut short: "
+        raise DataError(f"{path}: a ULog that cannot be read ({cause(error)}); it may be cut short: "
                         "copy it from the card again") from None
     topics = {}
     for data in log.data_list:
