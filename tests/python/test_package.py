@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import imucal
+from imucal.analysis import AxisCalibration
 from reference import BASIC, MODEL
 from where import BIN, ROOT
 
@@ -272,3 +273,27 @@ def test_sick_sensors_make_no_model_and_no_table_unless_their_rule_is_accepted()
     with pytest.raises(imucal.DataError, match="gx_dph: repeated"):
         imucal.calibrate(log)
     assert imucal.calibrate(log, accept=["repeated"]).axes["gx_dph"].order == 3
+
+
+def test_numbers_of_numpy_in_a_model_are_numbers():
+    model = {**MODEL, "arw_deg_rt_h": np.float32(0.5), "markov": [{"sigma_dph": np.int64(20), "tau_s": np.array(100.0)}]}
+    plain = {**MODEL, "arw_deg_rt_h": 0.5, "markov": [{"sigma_dph": 20, "tau_s": 100.0}]}
+    np.testing.assert_array_equal(imucal.expect(model).dp_dph, imucal.expect(plain).dp_dph)
+    with pytest.raises(imucal.DataError, match="a dict with a set in it"):
+        imucal.expect({**MODEL, "markov": {1}})
+
+
+@pytest.mark.parametrize("span", [(0,), (0, 30, 60), "0:60", 60, (0, "x"), (0, np.nan)])
+def test_a_range_that_is_not_two_temperatures_is_refused(span):
+    with pytest.raises(imucal.DataError, match="range_degc: expected the lowest and the highest temperature, found"):
+        imucal.calibration_error(BASIC, MODEL, range_degc=span)
+
+
+def test_arrays_of_different_lengths_are_refused(tmp_path):
+    axis = AxisCalibration("gx_dph", 1, 30.0, 30.0, np.array([1.0, 2.0]), np.zeros(9), np.zeros(9), 0.0)
+    with pytest.raises(imucal.DataError, match="rate has 3 samples, temp_degc 2"):
+        imucal.compensate([1, 2, 3], [20, 30], axis)
+    log = imucal.Log(np.arange(3.0), np.arange(3.0), {"gx_dph": np.arange(2.0)})
+    with pytest.raises(imucal.DataError, match="log.csv: cannot write: t_s has 3 rows, gx_dph 2"):
+        imucal.write_log(tmp_path / "log.csv", log)
+    assert not (tmp_path / "log.csv").exists()

@@ -311,9 +311,17 @@ def _curve_options(folder, axes, detrend, tau_s, type, nominal):
     return options + _file(folder, "--nominal", nominal, "nominal") + _given("--axis", axes)
 
 
-def _span(name, values):
-    """An option of two temperatures, LOW:HIGH."""
-    return _option(name, None if values is None else f"{values[0]:.15g}:{values[1]:.15g}")
+def _span(range_degc):
+    """--range LOW:HIGH; nothing of None."""
+    if range_degc is None:
+        return []
+    try:
+        low, high = (float(value) for value in range_degc)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not (np.isfinite(low) and np.isfinite(high)):
+        raise DataError(f"range_degc: expected the lowest and the highest temperature, found {range_degc!r}")
+    return ["--range", f"{low:.15g}:{high:.15g}"]
 
 
 def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
@@ -443,7 +451,7 @@ def calibrate(logs, order=3, model=None, method=None, axes=(), accept=(), range_
     with Folder() as folder:
         table = folder.new(".json")
         models = _models(folder, model)
-        options = models + _given("--axis", axes) + _given("--accept", accept) + _span("--range", range_degc)
+        options = models + _given("--axis", axes) + _given("--accept", accept) + _span(range_degc)
         options += ["--shared-turn-on"] if shared_turn_on else []
         options += _option("--max-error", max_error_dph) + _option("--serial", serial)
         r = folder.run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if models else "poly"), "--order", order, "-o", table,
@@ -478,9 +486,11 @@ def compensate(rate, temp_degc, channel):
 
     Raises
     ------
-    DataError : arrays of another shape
+    DataError : arrays of different lengths or of another shape
     """
     rate, temp = _array(rate, "rate"), _array(temp_degc, "temp_degc")
+    if len(temp) != len(rate):
+        raise DataError(f"rate has {len(rate)} samples, temp_degc {len(temp)}")
     if isinstance(channel, AxisCalibration):
         return rate - channel.bias_dph(np.clip(temp, channel.t0_degc - channel.range_degc, channel.t0_degc + channel.range_degc))
     return (rate - channel.bias(temp)) * channel.scale(temp)
@@ -506,7 +516,7 @@ def calibration_error(profile, model, order=3, filter_model=None, range_degc=Non
     DataError : a profile or a model that cannot be used
     """
     with Folder() as folder:
-        options = _file(folder, "--filter-model", filter_model, "filter_model") + _span("--range", range_degc)
+        options = _file(folder, "--filter-model", filter_model, "filter_model") + _span(range_degc)
         profiles = [folder.json(p, "profile") for p in _many(profile)]
         r = folder.run("profile", "error", *profiles, "--model", folder.json(model, "model"), "--order", order, *options)
     return CalibrationError(np.array(r["temp_degc"]), np.array(r["sigma_dph"]), np.array(r["believed_sigma_dph"]), r["worst_dph"], r["rms_dph"],
@@ -537,7 +547,7 @@ def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s=None, 
     with Folder() as folder:
         path = folder.new(".json")
         limit = _option("--duration-s", duration_s) + _option("--required-error", required_error_dph)
-        r = folder.run("profile", "optimize", "--model", folder.json(model, "model"), "--order", order, *_span("--range", range_degc),
+        r = folder.run("profile", "optimize", "--model", folder.json(model, "model"), "--order", order, *_span(range_degc),
                        "--max-rate", max_rate_degc_per_min, *limit, "--seed", seed, "-o", path)
         with open(path, encoding="utf-8") as file:
             profile = json.load(file)

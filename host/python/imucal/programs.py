@@ -66,10 +66,17 @@ def run(name, *arguments, negative_is_answer=False, said=str, stacklevel=3):
     raise kind(told[-1] if told else f"exit {process.returncode}")
 
 
+def _of_numpy(value):
+    """A number or array of numpy as JSON knows it; DataError: a value of another kind."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise DataError(f"a dict with a {type(value).__name__} in it, which JSON has not; give numbers, texts, lists and dicts")
+
+
 def model_text(value):
-    """JSON of a dict, or of what has to_json; DataError: a number that JSON has not."""
+    """JSON of a dict, or of what has to_json; DataError: a value that JSON has not."""
     try:
-        return json.dumps(value.to_json() if hasattr(value, "to_json") else value, allow_nan=False)
+        return json.dumps(value.to_json() if hasattr(value, "to_json") else value, allow_nan=False, default=_of_numpy)
     except ValueError:
         raise DataError("a dict with NaN or an infinity in it: no file can hold it, and no program reads it; give numbers, or leave the member out") from None
 
