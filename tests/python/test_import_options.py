@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """An option that a format does not know, or that the file contradicts, is said; none is ignored in silence."""
 import foreign
+import numpy as np
 import pytest
 
 import imucal
@@ -8,6 +9,11 @@ from imucal.__main__ import main
 from imucal.errors import DataError, UsageError
 
 OWN = "# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "".join(f"{i},{20 + i / 100:.2f},{(i * 37) % 11}\n" for i in range(1, 301))
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +71,22 @@ def test_what_a_library_says_of_a_file_is_one_line(tmp_path, capsys):
     assert main(["import", str(tmp_path / "bag"), "-o", str(tmp_path / "log.csv")]) == 3
     said = capsys.readouterr().err
     assert "a ROS bag that cannot be read (AnyReaderError: " in said and said.count("\n") == 1
+
+
+def test_axes_of_our_own_log_keep_name_and_unit_whatever_they_begin_with(tmp_path):
+    log = imucal.read_log(write(tmp_path / "own.csv", OWN.replace("gx_dph", "alpha_dph")))
+    log.rates["up_mg"] = log.rates["alpha_dph"] + 1000
+    imucal.write_log(tmp_path / "own.csv", log)
+    taken = imucal.import_log(tmp_path / "own.csv").log
+    assert taken.axes == ["alpha_dph", "up_mg"]
+    for name in taken.axes:
+        np.testing.assert_array_equal(taken.rates[name], log.rates[name])
+
+
+def test_an_accelerometer_that_cannot_be_taken_is_said(tmp_path, capsys):
+    rec = foreign.recording(duration_s=30)
+    rec.accel_ms2[:] = 0
+    path = foreign.write("bag1", tmp_path, rec)
+    assert main(["import", str(path), "-o", str(tmp_path / "log.csv"), "--accel"]) == 3
+    said = capsys.readouterr().err
+    assert f"log.bag1: sensor 0 (/imu/data_raw): no accelerometer is taken with it; leave --accel out" in said and not (tmp_path / "log.csv").exists()

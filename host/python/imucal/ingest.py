@@ -130,8 +130,8 @@ def _gaps(t_s):
 
 
 def _axis_names(stream):
-    is_gyro = np.array([not a.startswith("a") for a in stream.axes])
-    return is_gyro, [f"{a}_{'dph' if g else 'mg'}" for a, g in zip(stream.axes, is_gyro)]
+    units = stream.axis_units
+    return np.array([unit == "dph" for unit in units]), [f"{axis}_{unit}" for axis, unit in zip(stream.axes, units)]
 
 
 def _offset_s(t_us):

@@ -52,6 +52,12 @@ class Stream:
     flags: np.ndarray = None  # (n, k) bits of the rows, where the file has them (log.Log)
     time_column: tuple = None  # its name and microseconds per unit, of a table
     clock: object = None  # clock.Clock, once it is found
+    units: list = None  # inside, of each axis: "dph" or "mg"; None: an axis that begins with a is an accelerometer's
+
+    @property
+    def axis_units(self):
+        """The unit inside of each axis."""
+        return self.units or ["mg" if axis.startswith("a") else "dph" for axis in self.axes]
 
     @property
     def chosen_by(self):

@@ -213,6 +213,8 @@ def _import(source, options):
     name, streams = open_file(path, options)
     sensors = [describe(s, options.rate_hz) for s in streams]
     stream = _choose(path, streams, options.instance)
+    if options.with_accel and name != "imucal-log" and "mg" not in stream.axis_units:
+        raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): no accelerometer is taken with it; leave --accel out")
     log, counts = to_log(path, stream, options.rate_hz, options.temperature, options.keep_moving)
     need_readable(path, log)
     sha256, log.path = sha256_of_file(), source.name

@@ -19,7 +19,7 @@ from ..units import DPH_PER_RADPS, MG_PER_MS2
 from . import cause, need
 from .tail import CUT, ulog_is_cut
 
-GYRO, ACCEL, COMBINED, FIFO = "sensor_gyro", "sensor_accel", "sensor_combined", "sensor_gyro_fifo"
+GYRO, ACCEL, COMBINED = "sensor_gyro", "sensor_accel", "sensor_combined"
 _TYPES = {"int8_t": "i1", "uint8_t": "u1", "int16_t": "<i2", "uint16_t": "<u2", "int32_t": "<i4", "uint32_t": "<u4", "int64_t": "<i8", "uint64_t": "<u8",
           "float": "<f4", "double": "<f8", "bool": "i1", "char": "i1"}
 #: below this rate a 1-s mean is of too few samples to average the noise
