@@ -205,7 +205,7 @@ def test_panel_of_one_value_or_none_has_limits(values):
 
 def test_import_of_matplotlib_is_left_as_it_was():
     """What look leaves out while it loads is there for everybody else."""
-    code = ["from imucal import plot", "plot.loading.load_renderer()", "plot.new_figure(1, 1)", "from matplotlib import artist, lines", "assert artist.kwdoc(lines.Line2D)",
+    code = ["from imucal import plot", "plot.loading.load_renderer()", "plot.subplots()", "from matplotlib import artist, lines", "assert artist.kwdoc(lines.Line2D)",
             "import mpl_toolkits.mplot3d.axes3d, matplotlib.figure", "matplotlib.figure.Figure().add_subplot()"]
     done = subprocess.run([sys.executable, "-c", "\n".join(code)], capture_output=True, text=True, timeout=120,
                           env={**os.environ, "PYTHONPATH": str(ROOT / "host/python")})

@@ -74,9 +74,9 @@ def _of_numpy(value):
 
 
 def model_text(value):
-    """JSON of a dict, or of what has to_json; DataError: a value that JSON has not."""
+    """JSON of a dict; DataError: a value that JSON has not."""
     try:
-        return json.dumps(value.to_json() if hasattr(value, "to_json") else value, allow_nan=False, default=_of_numpy)
+        return json.dumps(value, allow_nan=False, default=_of_numpy)
     except ValueError:
         raise DataError("a dict with NaN or an infinity in it: no file can hold it, and no program reads it; give numbers, or leave the member out") from None
 
@@ -104,7 +104,7 @@ class Folder:
         return path
 
     def json(self, value, called="the dict given"):
-        """A path: the one given, or a file that holds the dict (or what has to_json)."""
+        """A path: the one given, or a file that holds the dict."""
         if isinstance(value, (str, os.PathLike)):
             return os.fspath(value)
         path = self.new(".json", called)

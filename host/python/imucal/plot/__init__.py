@@ -19,16 +19,6 @@ _FLAT = 2.0           # a scale that has to grow by more than this for values th
 _ROW_IN, _HEAD_IN = 2.7, 0.6
 
 
-def new_figure(width_in, height_in, dpi=80):
-    """A figure that draws without a screen."""
-    load()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    figure = Figure(figsize=(width_in, height_in), dpi=dpi, facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def subplots(rows=1, columns=1, *, size=None, layout=None, dpi=None, **axes):
     """(figure, axes) as pyplot's subplots gives them, without pyplot; size in inches."""
     load()

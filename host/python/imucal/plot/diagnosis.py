@@ -38,9 +38,9 @@ def style():
         "legend.frameon": False, "legend.fontsize": 8, "svg.fonttype": "path", "figure.dpi": 100})
 
 
-def legend_above(ax, columns, above=1.0):
-    """Beside the points and not over them: lines above the axes."""
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, above), ncols=columns, borderaxespad=0.2, columnspacing=1.2, handlelength=1.6)
+def legend_above(ax, columns):
+    """Lines above the axes: beside the points and not over them."""
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2, columnspacing=1.2, handlelength=1.6)
 
 
 def svg_image(fig, alt):
@@ -139,8 +139,7 @@ def branches(data, key, n_bins=14):
 class Record:
     """One-minute means of all logs: rate, temperature, direction, and what polynomial and answer make of them.
 
-    `curve_dph` is the polynomial at each mean without the constants of the logs, `offset_dph` those constants: rates less
-    their log's constant lie on one curve whatever the log."""
+    `offset_dph` is the constant of each mean's log: rates less it lie on one curve, whatever their log."""
 
     def __init__(self, data):
         self.log, self.t_s, self.rate_dph = array(data["log"]), array(data["t_s"]), array(data["rate_dph"])
@@ -166,7 +165,6 @@ class Record:
         self._beta = beta[n:]
         self._level = beta[:n].mean()
         self.offset_dph = design[:, :n] @ beta[:n] - self._level
-        self.curve_dph = self.polynomial_dph - self.offset_dph
 
     def curve_on_grid(self, n=240):
         """(temperatures, polynomial there); NaN where a tenth of the range and more was not passed."""
