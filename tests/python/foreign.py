@@ -18,10 +18,13 @@ class Recording:
     moving_s: tuple
 
 
-def recording(seed=1, duration_s=90, rate_hz=100, start_s=112.0):
-    rng = np.random.default_rng(seed)
-    n = duration_s * rate_hz
-    t_us = np.rint((start_s + np.arange(n) / rate_hz + 0.001 * rng.uniform(-1, 1, n)) * 1e6).astype(np.int64)
+RATE_HZ, START_S = 100, 112.0
+
+
+def recording(seed=1, duration_s=90):
+    rng, start_s = np.random.default_rng(seed), START_S
+    n = duration_s * RATE_HZ
+    t_us = np.rint((start_s + np.arange(n) / RATE_HZ + 0.001 * rng.uniform(-1, 1, n)) * 1e6).astype(np.int64)
     temp = np.linspace(20, 26, n)
     gyro = np.array([0.01, -0.02, 0.005]) + 1e-4 * (temp - 20)[:, None] + 0.002 * rng.standard_normal((n, 3))
     accel = np.array([0.1, -0.2, -9.8]) + 0.03 * rng.standard_normal((n, 3))
@@ -36,11 +39,11 @@ def recording(seed=1, duration_s=90, rate_hz=100, start_s=112.0):
     return Recording(t_us[order], gyro[order].astype(single), accel[order].astype(single), temp[order].astype(single), (start_s + 40, start_s + 43))
 
 
-def expected_seconds(rec, rate_hz=100, to_dph=3600 * 180 / np.pi, values=None):
+def expected_seconds(rec):
     """{end of second: (temperature, three rates)}, sample by sample in plain Python: what the import must give.
     The moving seconds and their neighbours are left out; a second with fewer than half its samples has no rate."""
     import math
-    values = rec.gyro_radps.astype(float) if values is None else values
+    values, to_dph = rec.gyro_radps.astype(float), 3600 * 180 / np.pi
     sums, newest = {}, -1
     for t, rate, temp in zip(rec.t_us.tolist(), values.tolist(), rec.temp_degc.astype(float).tolist()):
         if t > newest:
@@ -51,7 +54,7 @@ def expected_seconds(rec, rate_hz=100, to_dph=3600 * 180 / np.pi, values=None):
         if rec.moving_s[0] - 1 < end_s <= rec.moving_s[1] + 1:
             continue
         mean = [math.fsum(c) / len(rows) for c in zip(*rows)]
-        rates = [m * to_dph for m in mean[1:]] if 2 * len(rows) >= rate_hz else [math.nan] * 3
+        rates = [m * to_dph for m in mean[1:]] if 2 * len(rows) >= RATE_HZ else [math.nan] * 3
         result[end_s] = (mean[0], *rates)
     return result
 
@@ -113,11 +116,12 @@ def write_ardupilot(path, rec, with_imu=True, per_instance=False, parameters=())
 
 # --- ROS bags, by rosbags' writers ---
 
-def write_rosbag(path, rec, version, storage="sqlite3", with_imu=True, epoch_s=1_700_000_000, temperature=True):
+def write_rosbag(path, rec, version, storage="sqlite3", with_imu=True):
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
     from rosbags.typesys import Stores, get_typestore
+    epoch_s = 1_700_000_000
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     types = store.types
     header_t, time_t = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
@@ -142,9 +146,8 @@ def write_rosbag(path, rec, version, storage="sqlite3", with_imu=True, epoch_s=1
                                                        angular_velocity=vector(*g), angular_velocity_covariance=nine,
                                                        linear_acceleration=vector(*a), linear_acceleration_covariance=nine)
                 writer.write(imu, log_ns, raw(message, "sensor_msgs/msg/Imu"))
-            if temperature:
-                message = types["sensor_msgs/msg/Temperature"](header=header(t), temperature=float(temp), variance=0.0)
-                writer.write(other, log_ns, raw(message, "sensor_msgs/msg/Temperature"))
+            message = types["sensor_msgs/msg/Temperature"](header=header(t), temperature=float(temp), variance=0.0)
+            writer.write(other, log_ns, raw(message, "sensor_msgs/msg/Temperature"))
 
 
 # --- MATLAB ---

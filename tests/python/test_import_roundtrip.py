@@ -89,6 +89,17 @@ def test_second_instance_is_the_second_sensor(tmp_path, short):
     assert [s["instance"] for s in result.sensors] == [0, 1]
 
 
+def test_second_imu_of_an_ardupilot_log_is_the_second_sensor_and_told_where_it_is_corrected(tmp_path, short):
+    pytest.importorskip("pymavlink")
+    foreign.write_ardupilot(tmp_path / "two.bin", short, per_instance=True, parameters=[("INS_TCAL2_ENABLE", 1)])
+    result = imucal.import_log(tmp_path / "two.bin", instance=1)
+    other = foreign.Recording(short.t_us, -short.gyro_radps, short.accel_ms2, short.temp_degc, short.moving_s)
+    check(result, foreign.expected_seconds(other))
+    assert [s["instance"] for s in result.sensors] == [0, 1] and result.log.metadata["INS_TCAL2_ENABLE"] == "1"
+    assert any("INS_TCAL2_ENABLE = 1: these rates are already corrected" in note for note in result.notes)
+    check(imucal.import_log(tmp_path / "two.bin", instance=0), foreign.expected_seconds(short))
+
+
 def test_accelerometer_axes_come_in_mg(tmp_path, short):
     foreign.write_ulog(tmp_path / "a.ulg", [short])
     result = imucal.import_log(tmp_path / "a.ulg", with_accel=True)

@@ -117,11 +117,6 @@ def fast_ramp(bench):
     return bench.fit(bench.simulate("fast.csv", profile="fast.json"))
 
 
-def narrow(bench):
-    bench.write("narrow.json", dict(BASIC, segments=[{"rate_degc_per_min": 0.2, "to_degc": 20}]))
-    return bench.fit(bench.simulate("narrow.csv", profile="narrow.json"), model=None)
-
-
 def short(bench):
     return bench.fit(bench.with_rows(lambda i, row: row if i % 40 == 0 else None, name="short.csv"), "--order", 5)
 
