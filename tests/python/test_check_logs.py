@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: MIT
 """`imucal check` on logs as hostile users have them: it and the programs say the same of a file, and of the same line."""
 import re
-import subprocess
 
 import numpy as np
 import pytest
 
 from imucal.__main__ import main
-from where import BIN
+from programs_say import check_all_name_the_field, dp_says
 
-DP = BIN / "dp"
 N = 400
 HEAD = "t_s,temp_degc,gx_dph,gy_dph"
 
@@ -80,11 +78,6 @@ LOGS = {
 }
 
 
-def dp_says(path):
-    done = subprocess.run([DP, path, "--no-ratios", "--tau", "1", "--quiet"], capture_output=True, text=True, timeout=60)
-    return done.returncode, done.stderr
-
-
 def test_a_log_without_any_rate_is_refused_as_dp_does(tmp_path, capsys):
     path = tmp_path / "log.csv"
     path.write_text(text([[*row[:2], "", ""] for row in healthy()]))
@@ -97,12 +90,7 @@ def test_a_log_without_any_rate_is_refused_as_dp_does(tmp_path, capsys):
 def test_byte_of_another_coding_in_a_row_is_named_as_by_the_programs(tmp_path, row, capsys):
     path = tmp_path / "log.csv"
     path.write_bytes(put(2, "\0", row).encode().replace(b"\0", b"12\xff5"))
-    status, words = dp_says(path)
-    assert status == 3 and f"log.csv:{row + 3}: " in words and r'"12\xff5"' in words
-    for command in ("check", "import", "look"):
-        assert main([command, str(path), *(["-o", str(tmp_path / "out.png")] if command != "check" else [])]) == 3
-        said = capsys.readouterr().err
-        assert f'log.csv:{row + 3}: column gx_dph: expected a number, found "12\\xff5"' in said, (command, said)
+    check_all_name_the_field(path, row + 3, "gx_dph", r"12\xff5", capsys)
 
 
 def test_remark_in_another_coding_is_no_fault_of_a_log(tmp_path, capsys):

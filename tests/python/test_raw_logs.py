@@ -8,9 +8,8 @@ import pytest
 
 import imucal
 from imucal.__main__ import main
-from where import BIN
+from programs_say import DP, check_all_name_the_field, dp_says
 
-DP = BIN / "dp"
 N, RATE_HZ = 4000, 4
 META = {"rate_hz": "4", "gx_counts_scale_dph": "18"}
 HEAD = "t_s,temp_degc,gx_counts"
@@ -46,11 +45,6 @@ LOGS = {
 }
 
 
-def dp_says(path):
-    done = subprocess.run([DP, path, "--no-ratios", "--tau", "1", "--quiet"], capture_output=True, text=True, timeout=60)
-    return done.returncode, done.stderr
-
-
 @pytest.mark.parametrize("name", LOGS)
 def test_check_import_look_and_the_programs_agree_on_a_raw_log(tmp_path, name, capsys):
     content, status = LOGS[name]
@@ -71,12 +65,7 @@ def test_check_import_look_and_the_programs_agree_on_a_raw_log(tmp_path, name, c
 def test_byte_of_another_coding_in_a_row_is_named_as_by_the_programs(tmp_path, row, capsys):
     path = tmp_path / "raw.csv"
     path.write_bytes(put("\0", row).encode().replace(b"\0", b"3\xff7"))
-    status, words = dp_says(path)
-    assert status == 3 and f"raw.csv:{row + 5}: column gx_counts: expected" in words and r'"3\xff7"' in words
-    for command in ("check", "import", "look"):
-        assert main([command, str(path), *(["-o", str(tmp_path / "out.png")] if command != "check" else [])]) == 3
-        said = capsys.readouterr().err
-        assert f'raw.csv:{row + 5}: column gx_counts: expected a number, found "3\\xff7"' in said, (command, said)
+    check_all_name_the_field(path, row + 5, "gx_counts", r"3\xff7", capsys)
 
 
 def test_imported_raw_log_gives_the_curve_of_the_raw_log(tmp_path):
