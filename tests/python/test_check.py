@@ -18,7 +18,7 @@ TABLE = json.dumps({"imucal_table": 1, "serial": "x", "sequence": 1, "created": 
 
 
 @pytest.mark.parametrize("text, line, words", [
-    (MODEL.replace("100", "-100"), 5, "markov[0].tau_s"), (MODEL.replace('"tau_s": 10}', '"tau_s": "ten"}'), 7, "markov[1].tau_s: 'ten'"),
+    (MODEL.replace("100", "-100"), 5, "markov[0].tau_s"), (MODEL.replace('"tau_s": 10}', '"tau_s": "ten"}'), 7, 'markov[1].tau_s: expected a number, found "ten"'),
     (MODEL.replace('"sigma_dph": 3,', '"sigma": 3,'), 6, "markov[1]"), (MODEL.replace("0.6,", "0.6"), 4, "delimiter"), ("{}", 1, "none of ours"),
     (MODEL.replace('l": 1', 'l": 2'), 2, "expected 1, found 2"), (TABLE.replace('"order": 3', '"order": 2'), 14, "4 coefficients for order 2"),
     (TABLE.replace('"gx_dph"', '"gx"'), 10, "axes[0].axis"), (TABLE.replace('"coeff_dph"', '"coeff"'), 9, "coeff_dph (or coeff_mg) is missing"),

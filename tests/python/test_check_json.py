@@ -110,6 +110,18 @@ def test_a_log_in_the_place_of_json_is_named_with_the_remedy(tmp_path, command, 
     assert f"log.csv:1: no JSON (column 1: Expecting value); imucal check {path} tells what it is" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("text, words", [
+    (but(TABLE, serial=None), 'field "serial" is missing'), (but(MODEL, tau=5), 'unknown field "tau" (known: imucal_model, '),
+    (but(MODEL, markov__0=3), "markov[0]: expected an object, found 3"), (but(TABLE, axes=[]), "axes: expected 1 or more, found 0"),
+    (but(TABLE, axes__0__temp_degc=[1, 2]), "axes[0].temp_degc: expected 9 or more, found 2"),
+    (but(TABLE, axes__0__span_degc=[0, 30, 60]), "axes[0].span_degc: expected 2 at most, found 3"),
+    (but(TABLE, axes__0__order="3"), 'axes[0].order: expected a whole number, found "3"')])
+def test_what_is_wrong_with_a_file_is_said_in_the_programs_words(tmp_path, text, words, capsys):
+    (tmp_path / "file.json").write_text(text)
+    assert main(["check", str(tmp_path / "file.json")]) == 3
+    assert re.search(rf"file\.json:\d+: {re.escape(words)}", capsys.readouterr().err)
+
+
 def test_json_in_another_coding_is_refused_with_its_line(tmp_path, capsys):
     path = tmp_path / "file.json"
     path.write_bytes(b'{"imucal_model": 1,\n "name": "M\xfcller"}\n')
@@ -138,6 +150,33 @@ def test_export_writes_what_is_valid_and_nothing_else(tmp_path, name, capsys):
         assert status == (0 if is_valid else 3), (target, said)
         if not is_valid:
             assert re.search(r"file\.json:\d+: ", said.err) and word.removesuffix("_dph") in said.err and not out.exists(), said
+
+
+NULL = object()
+
+
+@pytest.mark.parametrize("example, way", [("model.json", ("markov",)), ("model.json", ("turn_on_sigma_dph",)), ("table.json", ("axes", 0, "scale_coeff"))])
+def test_a_member_that_is_null_is_left_out_as_the_programs_take_it(tmp_path, example, way):
+    data = json.loads(EXAMPLES[example])
+    place = data
+    for key in way[:-1]:
+        place = place[key]
+    texts = []
+    for value in (None, NULL):
+        place[way[-1]] = value
+        if value is NULL:
+            del place[way[-1]]
+        (tmp_path / "in.json").write_text(json.dumps(data))
+        assert main(["export", str(tmp_path / "in.json"), "--to", "c-header" if example == "table.json" else "datasheet", "-o", str(tmp_path / "out")]) == 0
+        texts.append((tmp_path / "out").read_text())
+    assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize("temp_degc", [5, [None] * 9, ["0"] * 9])
+def test_temperatures_of_a_table_that_are_none_are_refused(tmp_path, temp_degc, capsys):
+    (tmp_path / "table.json").write_text(but(TABLE, axes__0__temp_degc=temp_degc))
+    assert main(["export", str(tmp_path / "table.json"), "--to", "json", "-o", str(tmp_path / "out")]) == 3
+    assert "axes[0].temp_degc: expected nine temperatures evenly" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_the_accelerometer_s_model_beside_the_gyro_s_is_checked_too(tmp_path, capsys):

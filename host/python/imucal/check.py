@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """``imucal check``: is a file one of ours, and valid?  Messages name file and line."""
 import json
+import re
 import warnings
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from .strict import line_of, parse, positions, refusal
 
 KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
          "imucal_limits": "limits"}
+_LONGEST_WORDS = 200
 _SCHEMAS = Path(__file__).with_name("schema")
 
 
@@ -25,15 +27,41 @@ def _dotted(path):
     return text
 
 
+_KIND_WORDS = {"object": "an object", "array": "a list", "number": "a number", "integer": "a whole number", "string": "a text"}
+
+
+def _unknown(error):
+    """The fields that a schema does not know, and those that it does."""
+    known, patterns = error.schema.get("properties", {}), error.schema.get("patternProperties", {})
+    odd = [name for name in error.instance if name not in known and not any(re.search(p, name) for p in patterns)]
+    return f"unknown field {', '.join(json.dumps(name) for name in odd)} (known: {', '.join(known)})"
+
+
 def _words(error):
-    """The schema library's words, shorter where they repeat the file."""
+    """What a schema finds, in the words of the programs; the library's own, shortened, where they have none."""
+    value, found = error.validator_value, _shortened(json.dumps(error.instance, ensure_ascii=False))
+    if error.validator in ("anyOf", "oneOf") and not isinstance(error.instance, dict):
+        return f"expected an object, found {found}"
     if error.validator in ("anyOf", "oneOf"):
-        names = [choice["required"][0] for choice in error.validator_value]
+        names = [choice["required"][0] for choice in value]
         given = [name for name in names if name in error.instance]
         return f"{' and '.join(given)} are the same: give one of them" if len(given) > 1 else f"{names[0]} (or {names[1]}) is missing"
+    if error.validator == "required":
+        missing = re.match("'(.*)' is a required", error.message)[1]
+        return f"field {json.dumps(missing)} is missing"
+    if error.validator == "additionalProperties":
+        return _unknown(error)
     if error.validator == "const":
-        return f"expected {error.validator_value}, found {json.dumps(error.instance)}"
-    return error.message if len(error.message) < 200 else error.message[:200] + " …"
+        return f"expected {value}, found {found}"
+    if error.validator == "type" and isinstance(value, str):
+        return f"expected {_KIND_WORDS.get(value, value)}, found {found}"
+    if error.validator in ("minItems", "maxItems"):
+        return f"expected {value} {'or more' if error.validator == 'minItems' else 'at most'}, found {len(error.instance)}"
+    return _shortened(error.message)
+
+
+def _shortened(text):
+    return text if len(text) < _LONGEST_WORDS else text[:_LONGEST_WORDS] + " …"
 
 
 def check_json(path, text):
@@ -54,7 +82,7 @@ def check_json(path, text):
     for error in sorted(validator.iter_errors(data), key=lambda e: places.get(tuple(e.absolute_path), 0)):
         at = tuple(error.absolute_path)
         messages.append(f"{path}:{line_of(text, places.get(at, 0))}: {_dotted(at) + ': ' if at else ''}{_words(error)}")
-    return kind, messages or _beyond_schema(path, kind, data, places, text)
+    return kind, list(dict.fromkeys(messages)) or _beyond_schema(path, kind, data, places, text)
 
 
 def _beyond_schema(path, kind, data, places, text):

@@ -104,8 +104,10 @@ def _table_contradiction(path, data, text):
         names.add(axis["axis"])
         lo, hi = axis["span_degc"]
         temp = axis.get("temp_degc")
+        is_list = isinstance(temp, list) and all(isinstance(t, (int, float)) for t in temp)
         evenly = [lo + (hi - lo) * k / (N_TEMPERATURES - 1) for k in range(N_TEMPERATURES)]
-        if temp is not None and (len(temp) != len(evenly) or any(abs(t - e) > 1e-3 * (hi - lo) for t, e in zip(temp, evenly))):
+        is_even = is_list and len(temp) == len(evenly) and all(abs(t - e) <= 1e-3 * (hi - lo) for t, e in zip(temp, evenly))
+        if temp is not None and not is_even:
             return (f"{path}:{line_of(text, places[('axes', i, 'temp_degc')])}: axes[{i}].temp_degc: expected nine temperatures "
                     f"evenly from {lo:g} to {hi:g} degC, the span")
     return None
@@ -138,6 +140,13 @@ def read_json(path):
     return parse(path, read_text(path))
 
 
+def _without_null(value):
+    """The same without the members that are null: the programs take such a one for left out."""
+    if isinstance(value, dict):
+        return {key: _without_null(member) for key, member in value.items() if member is not None}
+    return [_without_null(entry) for entry in value] if isinstance(value, list) else value
+
+
 def read_valid(path, kind, tag, otherwise):
     """The dict of a "model" or "table" that the programs take; `otherwise`: what to say of a JSON file without the member `tag`."""
     path = os.fspath(path)
@@ -148,4 +157,4 @@ def read_valid(path, kind, tag, otherwise):
     message = refusal(path, data, text, kind)
     if message:
         raise DataError(message)
-    return data
+    return _without_null(data)
