@@ -23,6 +23,7 @@ import markupsafe
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[1:1] = [os.path.join(HERE, os.pardir, "python"), os.path.join(HERE, os.pardir)]  # in the source tree; as installed
+from imucal.check import check_json  # noqa: E402
 from imucal.diagnosis_words import (Library, chip, gap_sentence, has_curve, has_steps, headline, held_out_sentence, held_out_text, in_reading_order,  # noqa: E402
                                     is_told, joined, many, means_text, number, open_sentences, picture_sentence, plain, sentence, titled, typeset,
                                     unit_of, where_sentence)
@@ -379,10 +380,11 @@ def page(diagnosis, source):
 
 
 def load(path):
-    """The diagnosis, checked as far as the page needs it."""
+    """(the diagnosis, checked as far as the page needs it, and its text)."""
     try:
         with plain_file(path) as source, open(source.path, encoding="utf-8-sig") as f:
-            diagnosis = json.load(f)
+            text = f.read()
+        diagnosis = json.loads(text)
     except DataError as problem:  # gzip that is cut short or damaged
         raise BadInput(str(problem)) from None
     except OSError as problem:
@@ -394,7 +396,20 @@ def load(path):
     axes = diagnosis.get("axes")
     if not isinstance(axes, list) or not all(isinstance(a, dict) and "axis" in a and "verdict" in a for a in axes):
         raise BadInput(f"{path}: field axes: expected a list of objects with axis and verdict")
-    return diagnosis
+    return diagnosis, text
+
+
+def page_of(path):
+    """The page of a file; what it is no page of is told by its schema."""
+    diagnosis, text = load(path)
+    name = "standard input" if path == "-" else path
+    try:
+        return page(diagnosis, name)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, jinja2.TemplateError):
+        _, messages = check_json(name, text)
+        if not messages:  # a fault of ours
+            raise
+        raise BadInput("\n".join(messages)) from None
 
 
 def main(argv=None):
@@ -404,7 +419,7 @@ def main(argv=None):
     args = parser.parse_args(argv)
     try:
         keep_input(args.diagnosis, args.output)
-        write_text(args.output, page(load(args.diagnosis), "standard input" if args.diagnosis == "-" else args.diagnosis))
+        write_text(args.output, page_of(args.diagnosis))
     except (BadInput, DataError) as problem:
         print(f"diagnosis_report: {problem}", file=sys.stderr)
         return 3

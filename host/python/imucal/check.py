@@ -53,8 +53,9 @@ def _words(error):
         return _unknown(error)
     if error.validator == "const":
         return f"expected {value}, found {found}"
-    if error.validator == "type" and isinstance(value, str):
-        return f"expected {_KIND_WORDS.get(value, value)}, found {found}"
+    if error.validator == "type":
+        kinds = [value] if isinstance(value, str) else value
+        return f"expected {' or '.join(_KIND_WORDS.get(kind, kind) for kind in kinds)}, found {found}"
     if error.validator in ("minItems", "maxItems"):
         return f"expected {value} {'or more' if error.validator == 'minItems' else 'at most'}, found {len(error.instance)}"
     return _shortened(error.message)
