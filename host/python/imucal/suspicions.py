@@ -2,8 +2,8 @@
 """What is odd about an axis at a first look: seconds that are no measurement, jumps, a warm-up, a loop.
 
 A first look cannot tell causes apart; `diagnose` weighs them.  The limits of jumps and warm-ups come from simulated healthy
-logs (30 min to 8 h, white noise alone and with slow noise of up to 2000 s): a jump is told of 1 axis in 100 at most, a
-warm-up of 1 in 100 where the noise forgets within a tenth of the log.
+logs (30 min to 8 h, with white noise alone and with slow noise of up to 2000 s).  Of 100 such axes at most one is said to
+jump; at most one is said to warm up, if its noise forgets within a tenth of the log.
 """
 import numpy as np
 
@@ -23,10 +23,8 @@ _TURNS, _LET_GO = 10, 4.7  # of the fit that lets jumps go; beyond this many tim
 #: a warm-up: the first quarter of an hour against what the log without its first 15 % predicts
 _EARLY_S, _EARLY_PART = 900, 0.15
 _FEWEST_DEGREES = 3  # of freedom: independent stretches of the rest, less its coefficients
-
-
-#: a loop is suspected above this share of the smoothed residual's variance, where an F test of 1 % sees it too, or where it is so
-#: many times the white noise of the smoothed residual that only slow noise of that size could look the same
+#: a loop is suspected above this share of the smoothed residual's variance, if an F test of 1 % sees it too, or if it is this
+#: many times the white noise of the smoothed residual: then only slow noise of that size could look the same
 LOOP_SHARE, _PLAIN_LOOP, _FEWEST_OF_LOOP = 0.5, 10, 8
 
 
