@@ -155,7 +155,8 @@ def test_export_writes_what_is_valid_and_nothing_else(tmp_path, name, capsys):
 NULL = object()
 
 
-@pytest.mark.parametrize("example, way", [("model.json", ("markov",)), ("model.json", ("turn_on_sigma_dph",)), ("table.json", ("axes", 0, "scale_coeff"))])
+@pytest.mark.parametrize("example, way", [("model.json", ("markov",)), ("model.json", ("turn_on_sigma_dph",)),
+                                          ("table.json", ("axes", 0, "scale_coeff"))])
 def test_a_member_that_is_null_is_left_out_as_the_programs_take_it(tmp_path, example, way):
     data = json.loads(EXAMPLES[example])
     place = data
@@ -167,7 +168,8 @@ def test_a_member_that_is_null_is_left_out_as_the_programs_take_it(tmp_path, exa
         if value is NULL:
             del place[way[-1]]
         (tmp_path / "in.json").write_text(json.dumps(data))
-        assert main(["export", str(tmp_path / "in.json"), "--to", "c-header" if example == "table.json" else "datasheet", "-o", str(tmp_path / "out")]) == 0
+        target = "c-header" if example == "table.json" else "datasheet"
+        assert main(["export", str(tmp_path / "in.json"), "--to", target, "-o", str(tmp_path / "out")]) == 0
         texts.append((tmp_path / "out").read_text())
     assert texts[0] == texts[1]
 

@@ -170,9 +170,12 @@ def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
 
 
 @pytest.mark.parametrize("name, value, words", [
-    ("where", "everywhere", 'axes[0].where: expected an object or null, found "everywhere"'), ("effects", [None], "axes[0].effects[0]: expected an object, found null"),
-    ("effects", [{"name": "thermal_lag", "set": [{}]}], 'axes[0].effects[0].set[0]: field "name" is missing'), ("advice", 5, "axes[0].advice: expected a list or null, found 5"),
-    ("gap", {"shrinkage": 0.5, "ci95": [[1]]}, "axes[0].gap.ci95: expected 2 or more, found 1"), ("indistinguishable", [None], "axes[0].indistinguishable[0]: expected a list")])
+    ("where", "everywhere", 'axes[0].where: expected an object or null, found "everywhere"'),
+    ("effects", [None], "axes[0].effects[0]: expected an object, found null"),
+    ("effects", [{"name": "thermal_lag", "set": [{}]}], 'axes[0].effects[0].set[0]: field "name" is missing'),
+    ("advice", 5, "axes[0].advice: expected a list or null, found 5"),
+    ("gap", {"shrinkage": 0.5, "ci95": [[1]]}, "axes[0].gap.ci95: expected 2 or more, found 1"),
+    ("indistinguishable", [None], "axes[0].indistinguishable[0]: expected a list")])
 def test_a_damaged_field_is_named_with_its_line(tmp_path, name, value, words):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     diagnosis["axes"][0][name] = value

@@ -404,7 +404,8 @@ def write_log(path, log):
     ------
     DataError : a file that cannot be written, or arrays of different lengths
     """
-    for name, values in {"temp_degc": log.temp_degc, **log.rates, **{f"flags of {axis}": bits for axis, bits in log.flags.items()}}.items():
+    flags = {f"flags of {axis}": bits for axis, bits in log.flags.items()}
+    for name, values in {"temp_degc": log.temp_degc, **log.rates, **flags}.items():
         if len(values) != len(log.t_s):
             raise DataError(f"{path}: cannot write: t_s has {len(log.t_s)} rows, {name} {len(values)}")
     header, columns = ["t_s", "temp_degc"], [_text(log.t_s, 6), _text(log.temp_degc, 6)]

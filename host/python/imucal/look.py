@@ -63,7 +63,8 @@ def _axes(log, wanted):
             raise DataError(f"{log.path}: no axis \"{name}\" (there are: {', '.join(log.axes)})")
     axes = list(dict.fromkeys(wanted or log.axes))
     if beyond := axes[_MOST_AXES:]:
-        warnings.warn(f"{log.path}: a page has room for six axes: {', '.join(beyond)} left out; choose with --axis", DataWarning, stacklevel=2)
+        warnings.warn(f"{log.path}: a page has room for six axes: {', '.join(beyond)} left out; choose with --axis", DataWarning,
+                      stacklevel=2)
     return axes[:_MOST_AXES]
 
 

@@ -95,7 +95,8 @@ def _channel(axis):
     unit = name.rpartition("_")[2] or "dph"
     return Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
                    np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])),
-                   np.array(axis.get("temp_degc", np.linspace(*axis["span_degc"], N_TEMPERATURES)), float), np.array(axis[f"sigma_{unit}"], float),
+                   np.array(axis.get("temp_degc", np.linspace(*axis["span_degc"], N_TEMPERATURES)), float),
+                   np.array(axis[f"sigma_{unit}"], float),
                    float(axis[f"{unit}_per_count"]), list(axis.get("accepted", [])), float(axis.get("error_factor", 1)))
 
 

@@ -106,7 +106,8 @@ def _in_comment(text):
 def export(table, options):
     """(text, notes) of the header."""
     prefix, names = options.prefix or "imucal_table", _names(table)
-    parts = [_PRELUDE.format(serial=_in_comment(table.serial), sequence=table.sequence, created=table.created, prefix=prefix, upper=prefix.upper())]
+    parts = [_PRELUDE.format(serial=_in_comment(table.serial), sequence=table.sequence, created=table.created, prefix=prefix,
+                             upper=prefix.upper())]
     for name, channel in zip(names, table.channels):
         lo, hi = channel.span_degc
         parts.append(f"/* {_in_comment(channel.axis)}: order {channel.order}, {lo:g} to {hi:g} degC */\n")

@@ -16,5 +16,5 @@ def streams(path, options):
     none = np.zeros(len(t_us), int)
     flags = np.stack([log.flags.get(name, none) for name in log.axes], axis=1)
     kept = {k: v for k, v in log.metadata.items() if k not in ("imucal-log", "rate_hz") and "_counts" not in k}
-    return [Stream(0, log.metadata.get("device", "log"), list(axes), t_us, values, np.ones(len(axes)), "dph, mg", t_us, log.temp_degc,
-                   metadata=kept, rate_hz=1.0, is_seconds=True, flags=flags, units=list(units))]
+    return [Stream(0, log.metadata.get("device", "log"), list(axes), t_us, values, np.ones(len(axes)), "dph, mg", t_us,
+                   log.temp_degc, metadata=kept, rate_hz=1.0, is_seconds=True, flags=flags, units=list(units))]
