@@ -185,7 +185,8 @@ def _check(path):
 
 
 def _remark_step(path, step_s):
-    """dp, errormodel, diagnose and calibrate take such rows, with the same remark; import and look make means of seconds, and refuse them."""
+    """A remark on rows that are no seconds.  dp, errormodel, diagnose and calibrate take them and say the same; import and look
+    refuse them."""
     if step_s is not None:
         warnings.warn(f"{path}: rows are {step_s:.6g} s apart, not 1 s: each is taken as the mean over {step_s:.6g} s"
                       f"{'; are these milliseconds? t_s is in seconds' if abs(step_s / 1000 - 1) < 0.05 else ''}", DataWarning, stacklevel=2)

@@ -189,7 +189,8 @@ def _settle(stream, clock, has_temperature):
 
 
 def _check_step(path, stream, clock):
-    """DataError where the samples come seldom or faster than from any gyro: their times are in another unit, or no mean can be made of them."""
+    """DataError where the samples come more seldom than once a second, or faster than from any gyro: there is no mean of them, or
+    their times are in another unit."""
     if stream.is_seconds or len(clock.t_us) < 3:
         return
     step_s = float(np.median(np.diff(clock.t_us))) / 1e6

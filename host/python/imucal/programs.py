@@ -82,8 +82,8 @@ def model_text(value):
 
 
 class Folder:
-    """A temporary folder whose files are models, profiles and logs given as objects or as paths.  What the programs say of such a file is
-    said of the object: nobody knows the file."""
+    """A temporary folder: models, profiles and logs that are given as objects become files in it.  Its files are unknown to the
+    user, so a message about one of them is told of the object."""
 
     def __init__(self):
         self._folder = tempfile.TemporaryDirectory(prefix="imucal-")

@@ -96,7 +96,8 @@ def parse(path, text):
 
 
 def _table_contradiction(path, data, text):
-    """What a table that the programs take says twice and differently, or None: they derive temp_degc from the span, and know an axis by its place."""
+    """Where a table contradicts itself, or None.  The programs do not see it: they derive temp_degc from the span, and know an
+    axis by its place."""
     places, names = positions(text), set()
     for i, axis in enumerate(data["axes"]):
         if axis["axis"] in names:

@@ -76,7 +76,8 @@ class Table:
 
 
 def gyro_names(model):
-    """A model, or an axis of a table, of unit "mg" with the members' names of the contract: white_mg_rt_hz over 60 is arw_deg_rt_h, sigma_mg sigma_dph …"""
+    """A model, or an axis of a table, of unit "mg" under the names that a gyro's has: sigma_mg is called sigma_dph, and so on;
+    white_mg_rt_hz over 60 is called arw_deg_rt_h."""
     if not isinstance(model, dict):
         return model
     named = {}

@@ -31,7 +31,7 @@ _GROUPED = re.compile(r"\s*[+-]?\d{1,3}([.' ]\d{3})+,\d+\s*")
 
 @dataclass
 class _Layout:
-    """Where a table's header line stands, what separates its fields, and whether its numbers have decimal commas; the lines before it."""
+    """A table's header line, its separator, whether its numbers have decimal commas, and the lines before it."""
 
     at: int
     delimiter: str
@@ -60,7 +60,7 @@ def _is_header(names):
 
 
 def _layout(path):
-    """The _Layout: the header is the first line most of whose fields are words and whose next line has as many fields, mostly numbers."""
+    """The _Layout.  The header is the first line whose fields are mostly words, over a line of as many fields, mostly numbers."""
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         lines = [line for _, line in zip(range(400), file)]
     for i, line in enumerate(lines[:-1]):
@@ -124,8 +124,8 @@ def _is_number(text):
 
 
 def _plain_table(path, at, delimiter):
-    """(columns, note on a row that was cut off) of a table of plain numbers, by the compiled part; None for any other table, and
-    without that part: polars reads all of CSV, but loading it alone takes as long as reading an hour at 100 Hz."""
+    """(columns, note on a row that was cut off) of a table of plain numbers, by the compiled part.  None for any other table, or
+    where that part is missing: polars reads it then, and all of CSV, but to load it takes as long as to read an hour at 100 Hz."""
     if _core is None:
         return None
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:

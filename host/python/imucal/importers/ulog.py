@@ -126,8 +126,8 @@ def _parse(pyulog, source):
 
 
 def _whole(pyulog, path):
-    """The log by pyulog.  Nearly all bytes are data messages of a few topics, and it takes them one by one: they are split off first
-    where the file is as it should be."""
+    """The log by pyulog, which takes messages one by one.  Nearly all bytes are messages of a few topics: of a file that is as it
+    should be, these are split off first."""
     split = _split(path)
     if split:
         rest, blocks = split

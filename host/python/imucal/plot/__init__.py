@@ -68,8 +68,8 @@ def _every(n):
 
 
 def _shown(values):
-    """Places of the dots to draw: every n-th, and the 100 that lie farthest from their neighbours, and one of those where the n-th
-    is missing: no lone value is lost."""
+    """Places of the dots to draw: every n-th value, one beside it where it is missing, and the 100 values that lie farthest from
+    their neighbours.  So no lone value is lost."""
     step = max(1, len(values) // _MAX_POINTS)
     every = _every(len(values))
     if step == 1:
@@ -156,8 +156,8 @@ def residual_plot(ax, look, against_time):
 
 
 def allan_plot(ax, tau_s, adev, unit="dph", name="", ci95=None, white=None, expected=None):
-    """Allan deviation and its 95 % interval; the line of the white noise that was read off; and what the likely noise lets expect
-    of a log like this one, at the same tau_s."""
+    """Allan deviation with its 95 % interval.  white: the noise that was read off, drawn as a line.  expected: the curve at the same
+    tau_s that the most likely noise would give in such a log."""
     if ci95 is not None and len(tau_s) > 1:
         ax.fill_between(tau_s, ci95[:, 0], ci95[:, 1], color=CURVE, alpha=0.15, lw=0)
     ax.loglog(tau_s, adev, "o-", ms=2.5, lw=1, color=CURVE)
