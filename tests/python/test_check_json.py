@@ -112,7 +112,8 @@ def test_a_log_in_the_place_of_json_is_named_with_the_remedy(tmp_path, command, 
 
 @pytest.mark.parametrize("text, words", [
     (but(TABLE, serial=None), 'field "serial" is missing'), (but(MODEL, tau=5), 'unknown field "tau" (known: imucal_model, '),
-    (but(MODEL, markov__0=3), "markov[0]: expected an object, found 3"), (but(TABLE, axes=[]), "axes: expected 1 or more, found 0"),
+    (but(MODEL, markov__0=3), "markov[0]: expected an object, found 3"),
+    (but(TABLE, axes=[]), "axes: expected 1 or more, found 0"),
     (but(TABLE, axes__0__temp_degc=[1, 2]), "axes[0].temp_degc: expected 9 or more, found 2"),
     (but(TABLE, axes__0__span_degc=[0, 30, 60]), "axes[0].span_degc: expected 2 at most, found 3"),
     (but(TABLE, axes__0__order="3"), 'axes[0].order: expected a whole number, found "3"')])

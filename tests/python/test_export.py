@@ -218,8 +218,8 @@ def test_c_header_compiles_whatever_the_axes_and_the_device_are_called(tmp_path,
     text, notes = c_header.export(read_table(tmp_path / "table.json"), SimpleNamespace(prefix="cal"))
     assert "cal_g_x_bias(float temp_degc)" in text and "g-x_dph is called g_x in C" in notes and len(notes) == 2
     (tmp_path / "table.h").write_text(text)
-    subprocess.run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wno-unused-function", "-Werror", "-fsyntax-only", "-x", "c",
-                    str(tmp_path / "table.h")], check=True)
+    subprocess.run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wno-unused-function", "-Werror", "-fsyntax-only", "-x",
+                    "c", str(tmp_path / "table.h")], check=True)
 
 
 def test_axes_that_would_be_one_name_in_c_are_refused(table):
@@ -230,7 +230,8 @@ def test_axes_that_would_be_one_name_in_c_are_refused(table):
 @pytest.mark.parametrize("device", [-5, 2 ** 31, 99999999999999])
 def test_a_device_id_that_px4_cannot_hold_is_a_usage_error(table, tmp_path, device, capsys):
     table()
-    assert main(["export", str(tmp_path / "table.json"), "--to", "px4", "--device-id", str(device), "-o", str(tmp_path / "out")]) == 2
+    words = ["export", str(tmp_path / "table.json"), "--to", "px4", "--device-id", str(device)]
+    assert main([*words, "-o", str(tmp_path / "out")]) == 2
     assert f"--device-id {device}: expected a whole number 0 .. 2147483647" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

@@ -100,18 +100,23 @@ def test_what_has_no_figure_is_refused_with_what_has_one(folder, text, words, ca
 
 
 @pytest.mark.parametrize("name, way, value, words", [
-    ("table", "axes", 5, "there is no figure of this"), ("table", "axes.0.axis", None, "axes[0].axis: expected a text, found null"),
-    ("table", "axes.0.t0_degc", "30", 'axes[0].t0_degc: expected a number, found "30"'), ("fit", "axes.1", [], "axes[1]: expected an object"),
+    ("table", "axes", 5, "there is no figure of this"),
+    ("table", "axes.0.axis", None, "axes[0].axis: expected a text, found null"),
+    ("table", "axes.0.t0_degc", "30", 'axes[0].t0_degc: expected a number, found "30"'),
+    ("fit", "axes.1", [], "axes[1]: expected an object"),
     ("fit", "axes.0.range_degc", GONE, "axes[0].range_degc: expected a number, found nothing"),
     ("fit", "axes.0.coeff_dph", [], "axes[0].coeff_dph: expected a list of numbers"),
     ("fit", "axes.0.sigma_dph", [1, 2], "axes[0].sigma_dph: expected 9 numbers, found [1, 2]"),
-    ("dp", "curves.1", None, "curves[1]: expected an object, found null"), ("dp", "curves.0.log", GONE, "curves[0].log: expected a text"),
+    ("dp", "curves.1", None, "curves[1]: expected an object, found null"),
+    ("dp", "curves.0.log", GONE, "curves[0].log: expected a text"),
     ("dp", "curves.0.type", "adev", "curves[0].type: expected one of av, dp1, dp2, dp3"),
-    ("dp", "curves.0.dp_dph.0", {}, "curves[0].dp_dph: expected a list of numbers"), ("dp", "curves.0.ci95_dph.0", 5, "curves[0].ci95_dph"),
+    ("dp", "curves.0.dp_dph.0", {}, "curves[0].dp_dph: expected a list of numbers"),
+    ("dp", "curves.0.ci95_dph.0", 5, "curves[0].ci95_dph"),
     ("expect", "type", [], "type: expected one of"), ("expect", "tau_s", [1.0], "dp_dph: expected 1 numbers"),
     ("errormodel", "model_dp_dph", GONE, "model_dp_dph: expected a list of numbers, found nothing"),
     ("errormodel", "data_dp_dph.0", True, "data_dp_dph: expected a list of numbers"),
-    ("profile", "temp_degc", None, "temp_degc: expected a list of numbers"), ("profile", "worst_dph", "x", "worst_dph: expected a number"),
+    ("profile", "temp_degc", None, "temp_degc: expected a list of numbers"),
+    ("profile", "worst_dph", "x", "worst_dph: expected a number"),
     ("profile", "profile", {**RAMP, "segments": [{}]}, "profile.segments[0].rate_degc_per_min: expected a number"),
     ("profile", "profile", {**RAMP, "repeat": 1.5}, "profile.repeat: expected a whole number")])
 def test_a_damaged_result_is_refused_by_its_field(folder, name, way, value, words, capsys):

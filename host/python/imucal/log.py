@@ -167,7 +167,7 @@ def other_step_s(t_s):
 
 
 def need_one_a_second(path, t_s):
-    """DataError where a log's usual step is not one second: its rows would be taken for means of a second, or its steps for gaps."""
+    """DataError where a log's usual step is not a second: its rows would be taken for means of one, or its steps for gaps."""
     usual_s = other_step_s(t_s)
     if usual_s is None:
         return

@@ -125,7 +125,7 @@ def _is_number(text):
 
 def _plain_table(path, at, delimiter):
     """(columns, note on a row that was cut off) of a table of plain numbers, by the compiled part.  None for any other table, or
-    where that part is missing: polars reads it then, and all of CSV, but to load it takes as long as to read an hour at 100 Hz."""
+    where that part is missing: polars reads it then, and all of CSV; loading it takes as long as reading an hour at 100 Hz."""
     if _core is None:
         return None
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:

@@ -156,8 +156,8 @@ def residual_plot(ax, look, against_time):
 
 
 def allan_plot(ax, tau_s, adev, unit="dph", name="", ci95=None, white=None, expected=None):
-    """Allan deviation with its 95 % interval.  white: the noise that was read off, drawn as a line.  expected: the curve at the same
-    tau_s that the most likely noise would give in such a log."""
+    """Allan deviation with its 95 % interval.  white: the noise that was read off, drawn as a line.  expected: the curve that the
+    most likely noise would give in such a log, at the same tau_s."""
     if ci95 is not None and len(tau_s) > 1:
         ax.fill_between(tau_s, ci95[:, 0], ci95[:, 1], color=CURVE, alpha=0.15, lw=0)
     ax.loglog(tau_s, adev, "o-", ms=2.5, lw=1, color=CURVE)
