@@ -135,7 +135,8 @@ static void test_a_lattice_around_zero_is_no_dead_band(void**) {
 static void test_a_printed_lattice_is_no_dead_band(void**) {
   const struct {
     double step_dph, printed_dph, sigma_dph;
-  } cases[] = {{0.206265, 1e-3, 30}, {27.4809, 0.1, 100}, {27.4809, 1, 100}, {27.4809, 1, 30}, {27.4809, 0.36, 60}};
+  } cases[] = {{0.206265, 1e-3, 30}, {27.4809, 0.1, 100},   {27.4809, 1, 100}, {27.4809, 1, 30}, {27.4809, 0.36, 60},
+               {0.549316, 0.1, 16},  {0.549316, 0.001, 16}, {0.2534, 0.1, 16}, {0.33, 0.1, 5},   {0.74, 0.1, 20}};
   for (const auto& c : cases)
     for (uint64_t seed = 1; seed < 8; ++seed) {
       const auto print = [&](double y, double) {

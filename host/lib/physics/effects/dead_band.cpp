@@ -2,9 +2,8 @@
 // Small rates read as zero: |rate| < width becomes 0.  Source: dead band of IEEE Std 1431-2004.
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <vector>
 
-#include "base/median.h"
 #include "physics/effects/estimation.h"
 #include "physics/effects/sample_shape.h"
 
@@ -36,8 +35,8 @@ public:
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
   // A dead band has a shape of its own: no value between zero and an edge, and at zero about as many samples
-  // as noise around the local level would put inside.  Zeros far from the level are drop-outs; where all
-  // small values of a log are multiples of the edge, zero is one step of its lattice and tells nothing of a band.
+  // as noise around the local level would put inside.  Zeros far from the level are drop-outs; where the
+  // small values of a log stand on a lattice, zero is one of its steps and tells nothing of a band.
   std::vector<Signature> detect(const std::vector<RunInput>& runs) const override {
     const std::vector<RunInput> asked = without_lattices(runs);
     const Zeros zeros = count_zeros(asked);
@@ -58,8 +57,10 @@ public:
 
 private:
   static constexpr size_t kFewest = 8;
-  static constexpr double kAlike = 3; // how far the pile may be from what noise would put inside
-  static constexpr double kSteps = 6, kNearStep = 0.15, kSamePlace = 1e-3; // of the smallest rate
+  static constexpr double kAlike = 3;                   // how far the pile may be from what noise would put inside
+  static constexpr double kNear = 2.25, kHalfWay = 1.5; // of the edge
+  static constexpr double kDigits = 3.9;                // of the log in an edge: four, of rounded ones
+  static constexpr double kLeastHalfWay = 0.13;         // a third of what even rates have there
   struct Zeros {
     size_t n = 0;        // samples at zero
     double edge_dph = 0; // smallest other rate
@@ -76,23 +77,22 @@ private:
     out.edge_dph = edge < 1e300 ? edge : 0;
     return out;
   }
-  // Whether most rates within six times the smallest one share places near its whole multiples: a lattice, printed with few decimals
-  // perhaps (steps of 27.48 dph stand as 27, 55, 82).  Rates beyond the edge of a band have no place in common.
+  // Whether zero is one step of a lattice, printed with few decimals perhaps (steps of 0.549 dph stand as 0.5, 0.6, 1.1, 1.6).
+  // A lattice has no rates half-way between its steps; beyond the edge of a band they lie everywhere.  Where the digits of the
+  // log are not much finer than the edge, or too few rates are near, it cannot be told.
   static bool is_zero_a_step(const RunInput& run) {
     const double edge = count_zeros({run}).edge_dph;
-    std::map<long, std::vector<double>> by_step;
-    size_t n_near = 0, n_shared = 0;
+    std::vector<double> near;
     for (const double y : run.rate_dph)
-      if (std::fabs(y) <= (kSteps + 0.5) * edge && y != 0)
-        by_step[std::lround(std::fabs(y) / edge)].push_back(std::fabs(y)), ++n_near;
-    for (const auto& [step, rates] : by_step) {
-      const double place = median(rates);
-      if (std::fabs(place / edge - static_cast<double>(step)) > kNearStep) continue;
-      const auto n =
-          std::count_if(rates.begin(), rates.end(), [&](double y) { return std::fabs(y - place) < kSamePlace * edge; });
-      if (n > 1) n_shared += static_cast<size_t>(n);
-    }
-    return 2 * n_shared > n_near;
+      if (std::fabs(y) >= edge && std::fabs(y) < kNear * edge) near.push_back(std::fabs(y));
+    if (!(edge > 0) || near.size() < kFewest) return true;
+    const auto n_half_way =
+        std::count_if(near.begin(), near.end(), [&](double y) { return std::fabs(y - kHalfWay * edge) < 0.25 * edge; });
+    double digit = edge;
+    std::sort(near.begin(), near.end());
+    for (size_t k = 1; k < near.size(); ++k)
+      if (!is_same_rate(near[k], near[k - 1])) digit = std::min(digit, near[k] - near[k - 1]);
+    return edge < kDigits * digit || static_cast<double>(n_half_way) < kLeastHalfWay * static_cast<double>(near.size());
   }
   // Logs of one device may be rounded to different steps.  Those of which zero is a step are left without rates.
   static std::vector<RunInput> without_lattices(std::vector<RunInput> runs) {
