@@ -1051,6 +1051,27 @@ static void test_all_drop_outs_are_counted(void**) {
   assert_int_equal(found.n_dropouts, 3);
 }
 
+// A band wider than the noise leaves most samples at zero, and the spread from second to second is then 0: zeros are no
+// drop-outs for that.
+static void test_a_band_wider_than_the_noise_is_a_dead_band(void**) {
+  for (const double level_dph : {0.0, 12.0, -12.0})
+    for (const double widths : {0.6, 1.1, 1.4}) {
+      Log log = simulated_log(83, 8000, false, 0);
+      Rng rng(83, 0, 0, Stream::kTool);
+      const double band_dph = widths * 36 + std::fabs(level_dph);
+      for (double& rate : log.axes[0].rate_dph) {
+        rate = level_dph + 36 * rng.normal();
+        if (std::fabs(rate) < band_dph) rate = 0;
+      }
+      Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+      const StructureResult found = find_structure(&campaign, nullptr, effect_library(), all_active());
+      assert_int_equal(found.n_dropouts, 0);
+      assert_int_equal(found.findings.size(), 1);
+      assert_string_equal(found.findings[0].effect->name().c_str(), "dead_band");
+      assert_near(found.findings[0].signature.parameters.number("width_dph") / band_dph, 1.0, 0.02);
+    }
+}
+
 // Where the rate itself passes zero too: among rates of 0.01 dph an exact zero is no rate.
 static void test_drop_outs_between_small_rates_are_counted(void**) {
   for (const double step_dph : {0.01, 20.0}) {
@@ -1466,6 +1487,7 @@ int main() {
       cmocka_unit_test(test_a_steep_ramp_holds_no_hits),
       cmocka_unit_test(test_what_fades_from_the_start_is_no_hit),
       cmocka_unit_test(test_all_drop_outs_are_counted),
+      cmocka_unit_test(test_a_band_wider_than_the_noise_is_a_dead_band),
       cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),
       cmocka_unit_test(test_rounding_is_told_log_by_log),
       cmocka_unit_test(test_rounding_of_single_logs_is_not_in_the_written_model),

@@ -10,7 +10,9 @@
 namespace imucal {
 namespace {
 
-constexpr double kFarZero = 8;   // noise standard deviations of the values around a zero that is no rate
+constexpr double kFarZero = 8; // noise standard deviations of the values around a zero that is no rate
+constexpr double kMostCrossed =
+    0.1; // of the zeros far from the rates: a rate crosses zero seldom, noise in every second sample
 constexpr size_t kFewZeros = 3;  // of a run that make it one with drop-outs
 constexpr double kNearSteps = 5; // rates so near to zero tell how many zeros are rates
 constexpr double kTimesExpected = 3;
@@ -43,34 +45,45 @@ void add_near_zeros(const RunInput& in, double step_dph, std::vector<char>* bad)
   for (size_t i = 0; i < in.size(); ++i)
     if (in.rate_dph[i] == 0) (*bad)[i] = 1;
 }
+// Of a run: zeros between rates that are far from zero on one side of it, and how many stand between such rates on both sides.
+struct FarZeros {
+  std::vector<char> is_far;
+  size_t n_far = 0, n_crossed = 0;
+};
+FarZeros far_zeros(const CampaignRun& run, double noise_dph) {
+  FarZeros out;
+  out.is_far.assign(run.input.size(), 0);
+  const auto rate_of = [&](size_t k) { return run.input.rate_dph[static_cast<size_t>(run.used[k])]; };
+  std::vector<double> next(run.n() + 1, std::nan("")); // the next rate that is not zero
+  for (size_t k = run.n(); k-- > 0;) next[k] = rate_of(k) != 0 ? rate_of(k) : next[k + 1];
+  double last = std::nan("");
+  for (size_t k = 0; k < run.n(); ++k) {
+    if (rate_of(k) != 0) {
+      last = rate_of(k);
+      continue;
+    }
+    const double before = std::isfinite(last) ? last : next[k], after = std::isfinite(next[k]) ? next[k] : last;
+    if (!(std::min(std::fabs(before), std::fabs(after)) > kFarZero * noise_dph)) continue;
+    if (before * after > 0)
+      out.is_far[static_cast<size_t>(run.used[k])] = 1, ++out.n_far;
+    else
+      ++out.n_crossed;
+  }
+  return out;
+}
 // Zeros between values that are far from zero: the recorder's, not the gyro's.  Of coarse rates most are equal to the one
-// before, and zero may be the next step.
+// before, and zero may be the next step.  Rates that are far on both sides of zero are noise that was taken for too small (most
+// of the samples are equal): then zeros are where they pass.
 Rows drop_outs(const Campaign& campaign) {
   const double of_all_dph = white_between_samples(campaign) / std::sqrt(campaign.dt_s);
   Rows zeros;
   for (const CampaignRun& run : campaign.runs) {
-    const double step_dph = smallest_change(run), noise = std::max(of_all_dph, step_dph);
-    std::vector<char> bad(run.input.size(), 0);
-    double last = std::nan(""); // the last rate that is not zero
-    std::vector<double> next(run.n() + 1, std::nan(""));
-    for (size_t k = run.n(); k-- > 0;) {
-      const double y = run.input.rate_dph[static_cast<size_t>(run.used[k])];
-      next[k] = y != 0 ? y : next[k + 1];
-    }
-    for (size_t k = 0; k < run.n(); ++k) {
-      const size_t row = static_cast<size_t>(run.used[k]);
-      const double y = run.input.rate_dph[row];
-      if (y != 0) {
-        last = y;
-        continue;
-      }
-      const double before = std::isfinite(last) ? last : next[k], after = std::isfinite(next[k]) ? next[k] : last;
-      if (std::isfinite(before) && before * after > 0 &&
-          std::min(std::fabs(before), std::fabs(after)) > kFarZero * noise)
-        bad[row] = 1;
-    }
-    add_near_zeros(run.input, step_dph, &bad);
-    zeros.push_back(std::move(bad));
+    const double step_dph = smallest_change(run);
+    FarZeros found = far_zeros(run, std::max(of_all_dph, step_dph));
+    if (static_cast<double>(found.n_crossed) > kMostCrossed * static_cast<double>(found.n_far))
+      found.is_far.assign(run.input.size(), 0);
+    add_near_zeros(run.input, step_dph, &found.is_far);
+    zeros.push_back(std::move(found.is_far));
   }
   return zeros;
 }
