@@ -305,6 +305,7 @@ static void test_findings_stand_in_the_order_of_what_they_add(void**) {
   assert_has(text, "gx_dph: a gap, explained: thermal_lag, warm_up\n");
   assert_has(text, "  note    quantization");
   assert_has(text, "a small part of the noise: 0.5 of 140.0 dph from second to second");
+  assert_lacks(text, "the steps are wide beside the noise");
   assert_true(text.find("effect  thermal_lag") < text.find("effect  warm_up"));
   assert_true(text.find("effect  warm_up") < text.find("note    quantization"));
   s.effects = {lattice, effect_of("warm_up", 1.1)};
@@ -381,6 +382,22 @@ static GapResult gap_of(double shrinkage, double lo, double hi) {
   gap.minutes.rms_before_dph = 260, gap.minutes.rms_after_dph = 70, gap.minutes.noise_rms_dph = 12;
   return gap;
 }
+// Steps of 100 dph on noise of 30 dph: (100 / pi) exp(-2 pi^2 0.09) = 5.4 dph.
+static void test_wide_steps_are_told_to_make_curves(void**) {
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  Selection& s = axis.study.selection;
+  SelectedEffect lattice = effect_of("quantization", 100);
+  lattice.is_structural = true, lattice.rms_dph = 100 / std::sqrt(12.0);
+  s.verdict = Verdict::kExplained, s.effects = {lattice};
+  s.white_dph = std::hypot(30, lattice.rms_dph);
+  assert_has(diagnosis_text(result), "by themselves they make a curve of up to 5.4 dph over the rate");
+  s.white_dph = std::hypot(45, lattice.rms_dph);
+  assert_lacks(diagnosis_text(result), "by themselves they make a curve");
+}
+
 static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
   const std::vector<SelectedEffect> ramp = {effect_of("rate_ramp", 20)};
   const std::string part = said(Verdict::kExplained, ramp, {}, gap_of(0.92, 0.91, 0.93));
@@ -609,6 +626,7 @@ int main() {
       cmocka_unit_test(test_the_json_holds_what_is_printed),
       cmocka_unit_test(test_the_sign_of_a_lag_is_told),
       cmocka_unit_test(test_findings_stand_in_the_order_of_what_they_add),
+      cmocka_unit_test(test_wide_steps_are_told_to_make_curves),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
       cmocka_unit_test(test_a_name_that_went_is_told_as_left),
