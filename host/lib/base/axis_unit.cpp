@@ -9,6 +9,10 @@ bool is_accelerometer(const std::string& axis) {
          (axis.compare(at, std::string::npos, "_mg") == 0 || axis.compare(at, std::string::npos, "_ms2") == 0);
 }
 
+std::string axis_stem(const std::string& axis) {
+  return axis.substr(0, axis.rfind('_'));
+}
+
 const char* axis_unit(const std::string& axis) {
   return is_accelerometer(axis) ? "mg" : "dph";
 }

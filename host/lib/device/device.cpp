@@ -5,6 +5,7 @@
 #include <cstring>
 #include <random>
 
+#include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "num.h"
@@ -64,12 +65,8 @@ constexpr double kFlashPatience = 5.0; // erase and program take longer than an 
 
 } // namespace
 
-std::string channel_stem(const std::string& name) {
-  return name.substr(0, name.rfind('_'));
-}
-
 static bool is_channel_name(const std::string& name) {
-  const std::string stem = channel_stem(name), unit = name.substr(stem.size());
+  const std::string stem = axis_stem(name), unit = name.substr(stem.size());
   return !stem.empty() && (unit == "_dph" || unit == "_mg") && std::all_of(name.begin(), name.end(), [](char c) {
     return c > ' ' && c < '\x7F' && !std::strchr(",=#\"'", c);
   });
@@ -80,7 +77,7 @@ std::string channel_trouble(const std::vector<std::string>& names) {
   for (const std::string& name : names) list += (list.empty() ? "'" : ", '") + printable(name) + "'";
   std::vector<std::string> stems;
   for (const std::string& name : names) {
-    const std::string stem = channel_stem(name);
+    const std::string stem = axis_stem(name);
     if (!is_channel_name(name))
       return "'" + printable(name) + "' of its channels " + list + " does not end in its unit";
     if (std::find(stems.begin(), stems.end(), stem) != stems.end())

@@ -133,9 +133,6 @@ private:
   StreamHandler handler_;
 };
 
-// The name of a channel without its unit: gx of gx_dph.  A name without `_` is its own stem.
-std::string channel_stem(const std::string& name);
-
 // Why no log or table can be made of a device with these channels, with the names; empty: it can.  A name ends in its unit
 // (_dph, _mg) with something before it; stems name the columns of the flags, so that none comes twice; what separates the
 // fields of a log (comma, =, #, quotation marks, blanks, what does not print) is in no name.

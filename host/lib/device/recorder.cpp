@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "base/axis_unit.h"
 #include "base/error.h"
 #include "io/input.h"
 #include "io/log.h"
@@ -101,7 +102,7 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
   write_scales(device);
   out_ << "t_s,temp_degc";
   for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << device.channel_name(i);
-  for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << channel_stem(device.channel_name(i)) << "_flags";
+  for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << axis_stem(device.channel_name(i)) << "_flags";
   out_ << "\n";
   out_.flush();
   if (!out_ || free_bytes(path_) < kLeastRoom_bytes) {
@@ -115,7 +116,7 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
 void LogRecorder::write_scales(const Device& device) {
   for (size_t i = 0; i < device.channels().size(); ++i) {
     const imucal_link_channel_info_reply_t& channel = device.channels()[i];
-    const std::string name = device.channel_name(i), stem = channel_stem(name);
+    const std::string name = device.channel_name(i), stem = axis_stem(name);
     if (i == 0)
       out_ << "# temp_counts_scale_degc = " << shortest(channel.degc_per_count)
            << "\n# temp_counts_offset_degc = " << shortest(channel.degc_at_zero) << "\n";

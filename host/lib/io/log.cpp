@@ -10,6 +10,7 @@
 #include <ostream>
 #include <unordered_map>
 
+#include "base/axis_unit.h"
 #include "base/error.h"
 #include "base/median.h"
 #include "base/suggest.h"
@@ -714,7 +715,7 @@ void write_log(const std::string& path, const Log& log) {
     out << "t_s,temp_degc";
     for (const LogAxis& a : log.axes) {
       out << "," << a.name;
-      if (!a.flags.empty()) out << "," << a.name.substr(0, a.name.rfind('_')) << "_flags";
+      if (!a.flags.empty()) out << "," << axis_stem(a.name) << "_flags";
     }
     for (const auto& item : log.auxiliary) out << "," << item.first;
     out << "\n";

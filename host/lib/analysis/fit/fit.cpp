@@ -25,13 +25,9 @@ constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
 constexpr size_t kStand_rows = 128; // as the core's rule on a thermometer that is stuck
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
 
-std::string stem_of(const std::string& axis) {
-  return axis.substr(0, axis.rfind('_'));
-}
-
 const LogAxis& find_axis(const Log& log, const std::string& name) {
   for (const LogAxis& axis : log.axes)
-    if (axis.name == name || stem_of(axis.name) == stem_of(name)) return axis;
+    if (axis.name == name || axis_stem(axis.name) == axis_stem(name)) return axis;
   return log.axis(name); // throws with the list
 }
 
@@ -488,7 +484,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   FitAxis axis;
   axis.dt_s = dt_s;
   const LogAxis& first = find_axis(logs[0], name);
-  axis.axis = stem_of(first.name) + (first.is_gyro ? "_dph" : "_mg");
+  axis.axis = axis_stem(first.name) + (first.is_gyro ? "_dph" : "_mg");
   const std::optional<ErrorModel>& model = options.model_of(axis.axis);
   check_units(options, axis.axis, result);
   axis.order = options.order;

@@ -28,7 +28,7 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
   imucal_table_channel_t channel{};
   if (imucal_text_set(channel.name, sizeof channel.name, axis.axis.c_str()) != IMUCAL_OK)
     throw data_error("axis \"" + axis.axis + "\": a table holds names of 1 to 12 printable characters");
-  const std::string stem = axis.axis.substr(0, axis.axis.rfind('_')), unit = axis.axis.substr(axis.axis.rfind('_'));
+  const std::string stem = axis_stem(axis.axis), unit = axis.axis.substr(stem.size());
   channel.order = static_cast<uint8_t>(axis.order);
   channel.t0_degc = static_cast<float>(axis.t0_degc);
   channel.range_degc = static_cast<float>(axis.range_degc);

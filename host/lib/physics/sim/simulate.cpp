@@ -36,7 +36,7 @@ bool acts_on(const EffectSpec& spec, const std::vector<std::string>& names, size
   if (spec.log >= 0 && static_cast<size_t>(spec.log) != log) return false;
   if (spec.axis.empty()) return true;
   const std::string& name = names[axis];
-  return spec.axis == name || spec.axis == name.substr(0, name.rfind('_')) || spec.axis == std::to_string(axis);
+  return spec.axis == name || spec.axis == axis_stem(name) || spec.axis == std::to_string(axis);
 }
 
 void check_axes(const std::vector<EffectSpec>& effects, const std::vector<std::string>& names) {
