@@ -506,6 +506,30 @@ void test_two_axes_that_are_one_are_refused_by_name(void**) {
   assert_true(message_of({log}, options_of(FitOptions::Method::kKalman, 3)).empty());
 }
 
+// x_dph and x_mg are two sensors; x alone is neither, where both are there.
+void test_an_axis_is_found_by_its_whole_name(void**) {
+  Log log = make_log(3000, 0, 1, 1, kBias);
+  LogAxis accel = make_log(3000, 500, 2, 1, kBias).axes[0];
+  log.axes[0].name = "x_dph";
+  accel.name = "x_mg";
+  accel.is_gyro = false;
+  log.axes.push_back(accel);
+  FitOptions options = options_of(FitOptions::Method::kKalman, 3);
+  options.max_error_dph = 100;
+  options.axes = {"x_mg"};
+  const FitAxis alone = fit_logs({log}, options).axes.at(0);
+  assert_string_equal(alone.axis.c_str(), "x_mg");
+  assert_true(std::abs(alone.coeff_dph[0] - 580) < 50); // the gyro's is 80
+  options.axes = {"x_dph", "x_mg"};
+  const FitResult both = fit_logs({log}, options);
+  assert_string_equal(both.axes.at(0).axis.c_str(), "x_dph");
+  assert_string_equal(both.axes.at(1).axis.c_str(), "x_mg");
+  options.axes = {"x"};
+  assert_true(says(message_of({log}, options), "no axis \"x\""));
+  log.axes.pop_back();
+  assert_string_equal(fit_logs({log}, options).axes.at(0).axis.c_str(), "x_dph");
+}
+
 void test_several_markov_terms_are_merged_with_a_warning(void**) {
   FitOptions options = options_of(FitOptions::Method::kKalman, 3);
   options.model->markov = {{14, 20}, {14, 70}};
@@ -559,6 +583,7 @@ int main() {
       cmocka_unit_test(test_flagged_seconds_are_not_used),
       cmocka_unit_test(test_bad_input_is_refused_with_its_reason),
       cmocka_unit_test(test_two_axes_that_are_one_are_refused_by_name),
+      cmocka_unit_test(test_an_axis_is_found_by_its_whole_name),
       cmocka_unit_test(test_several_markov_terms_are_merged_with_a_warning),
       cmocka_unit_test(test_table_holds_the_fit_and_is_valid),
   };

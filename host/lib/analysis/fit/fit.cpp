@@ -25,10 +25,20 @@ constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
 constexpr size_t kStand_rows = 128; // as the core's rule on a thermometer that is stuck
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
 
+// By its name, or by its name without the unit where one axis alone has it: x_dph and x_mg are two sensors.
 const LogAxis& find_axis(const Log& log, const std::string& name) {
-  for (const LogAxis& axis : log.axes)
-    if (axis.name == name || axis_stem(axis.name) == axis_stem(name)) return axis;
-  return log.axis(name); // throws with the list
+  const LogAxis* of_stem = nullptr;
+  size_t n_of_stem = 0;
+  for (const LogAxis& axis : log.axes) {
+    if (axis.name == name) return axis;
+    if (axis_stem(axis.name) == name) of_stem = &axis, ++n_of_stem;
+  }
+  return n_of_stem == 1 ? *of_stem : log.axis(name); // throws with the list
+}
+
+// In the units inside.
+std::string name_of(const LogAxis& axis) {
+  return axis_stem(axis.name) + (axis.is_gyro ? "_dph" : "_mg");
 }
 
 std::vector<std::string> axes_of(const Log& log, const FitOptions& options) {
@@ -483,8 +493,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   const double dt_s = logs[0].dt_s();
   FitAxis axis;
   axis.dt_s = dt_s;
-  const LogAxis& first = find_axis(logs[0], name);
-  axis.axis = axis_stem(first.name) + (first.is_gyro ? "_dph" : "_mg");
+  axis.axis = name_of(find_axis(logs[0], name));
   const std::optional<ErrorModel>& model = options.model_of(axis.axis);
   check_units(options, axis.axis, result);
   axis.order = options.order;
