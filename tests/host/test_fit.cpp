@@ -540,6 +540,23 @@ void test_several_markov_terms_are_merged_with_a_warning(void**) {
   assert_true(std::abs(static_cast<double>(config.m) - (1 - std::exp(-1 / 45.0))) < 1e-7);
 }
 
+// Two models, of the gyros and of the accelerometers: it is said of the one that has several terms, and only if an axis has it.
+void test_terms_of_the_accelerometers_model_are_merged_with_a_warning(void**) {
+  Log log = make_log(1000, 0, 1, 1, kBias);
+  LogAxis accel = make_log(1000, 0, 2, 1, kBias).axes[0];
+  accel.name = "ax_mg";
+  accel.is_gyro = false;
+  log.axes.push_back(accel);
+  FitOptions options = options_of(FitOptions::Method::kKalman, 3);
+  options.accel_model = options.model;
+  options.accel_model->unit = "mg";
+  options.accel_model->markov = {{14, 20}, {14, 70}};
+  const FitResult both = fit_logs({log}, options);
+  assert_true(both.warnings.size() == 1 && says(both.warnings[0], "2 terms were merged"));
+  options.axes = {"gx_dph"};
+  assert_true(fit_logs({log}, options).warnings.empty());
+}
+
 void test_table_holds_the_fit_and_is_valid(void**) {
   const FitResult result = fit_logs({make_log(6000, 0, 1, 1, kBias)}, options_of(FitOptions::Method::kKalman, 3));
   TableInfo info;
@@ -585,6 +602,7 @@ int main() {
       cmocka_unit_test(test_two_axes_that_are_one_are_refused_by_name),
       cmocka_unit_test(test_an_axis_is_found_by_its_whole_name),
       cmocka_unit_test(test_several_markov_terms_are_merged_with_a_warning),
+      cmocka_unit_test(test_terms_of_the_accelerometers_model_are_merged_with_a_warning),
       cmocka_unit_test(test_table_holds_the_fit_and_is_valid),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

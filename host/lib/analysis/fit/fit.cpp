@@ -63,6 +63,19 @@ void check_units(const FitOptions& options, const std::string& axis, FitResult* 
   if (!note.empty()) result->warnings.push_back(axis + ": " + note);
 }
 
+// Of each model that an axis has.
+void note_merged(const std::vector<std::string>& axes, const Log& log, const FitOptions& options, FitResult* result) {
+  for (const std::optional<ErrorModel>* model : {&options.model, &options.accel_model}) {
+    const bool is_used = std::any_of(axes.begin(), axes.end(), [&](const std::string& axis) {
+      return &options.model_of(name_of(find_axis(log, axis))) == model;
+    });
+    if (is_used && *model && (*model)->markov.size() > 1)
+      result->warnings.push_back("the filter has one Markov state: the model's " +
+                                 std::to_string((*model)->markov.size()) +
+                                 " terms were merged into one of the same variance and low-frequency density");
+  }
+}
+
 struct Span {
   double lo = std::numeric_limits<double>::infinity(), hi = -std::numeric_limits<double>::infinity();
   void take(double value) {
@@ -600,11 +613,8 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   result.metadata = logs[0].metadata;
   for (const Log& log : logs) result.logs.push_back(log.path);
   if (!options.ignore_metadata) note_nameless(logs, &result);
-  if (options.method == FitOptions::Method::kKalman && options.model->markov.size() > 1)
-    result.warnings.push_back("the filter has one Markov state: the model's " +
-                              std::to_string(options.model->markov.size()) +
-                              " terms were merged into one of the same variance and low-frequency density");
   const std::vector<std::string> names = axes_of(logs[0], options);
+  if (options.method == FitOptions::Method::kKalman) note_merged(names, logs[0], options, &result);
   for (const Log& log : logs) check_twins(log, names);
   for (const std::string& name : names) result.axes.push_back(fit_axis(logs, name, options, &result));
   judge_fit(options, logs[0].dt_s(), &result);
