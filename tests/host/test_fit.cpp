@@ -577,6 +577,25 @@ void test_table_holds_the_fit_and_is_valid(void**) {
   }
 }
 
+// The log says what a count is in the unit of its columns.
+void test_table_takes_the_value_of_a_count_in_any_unit(void**) {
+  FitResult result = fit_logs({make_log(6000, 0, 1, 1, kBias)}, options_of(FitOptions::Method::kKalman, 3));
+  const auto per_count = [&](const std::string& key, const std::string& text) {
+    result.metadata = {{"serial", "17"}, {key, text}};
+    return static_cast<double>(make_table(result, {}).channel[0].unit_per_count);
+  };
+  assert_true(std::abs(per_count("gx_counts_scale_dph", "36") - 36) < 1e-5);
+  assert_true(std::abs(per_count("gx_counts_scale_dps", "0.01") - 36) < 1e-5);
+  assert_true(std::abs(per_count("gx_counts_scale_radps", "1e-4") - 20.626480624709636) < 1e-5);
+  assert_true(std::abs(per_count("gx_counts_scale_mg", "3") - 18) < 1e-5); // of an accelerometer gx
+  for (const char* text : {"0", "-1", "1,5"}) try {
+      per_count("gx_counts_scale_dps", text);
+      fail();
+    } catch (const Error& error) {
+      assert_true(says(error.what(), "run1.csv") && says(error.what(), "gx_counts_scale_dps"));
+    }
+}
+
 } // namespace
 
 int main() {
@@ -604,6 +623,7 @@ int main() {
       cmocka_unit_test(test_several_markov_terms_are_merged_with_a_warning),
       cmocka_unit_test(test_terms_of_the_accelerometers_model_are_merged_with_a_warning),
       cmocka_unit_test(test_table_holds_the_fit_and_is_valid),
+      cmocka_unit_test(test_table_takes_the_value_of_a_count_in_any_unit),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

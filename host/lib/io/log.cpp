@@ -187,37 +187,45 @@ void read_metadata(const LineReader& in, std::map<std::string, std::string>* met
   }
 }
 
-// The unit in which the metadata give the scale of a column of counts.
-const UnitSuffix& unit_of_scale(const LineReader& in, const std::string& name,
-                                const std::map<std::string, std::string>& metadata) {
-  const UnitSuffix* stated = nullptr;
+// What the metadata say of a column of counts.  unit null: nothing.
+struct CountScale {
+  const UnitSuffix* unit = nullptr;
+  std::string key;
+  double to_internal = 0; // dph or mg of one count
+};
+
+// `refuse` throws what it is told.  wants_gyro: only units of gyros (false: of accelerometers); empty: any.
+template <class Refuse>
+CountScale scale_of_counts(const std::string& column, const std::map<std::string, std::string>& metadata,
+                           std::optional<bool> wants_gyro, const Refuse& refuse) {
+  CountScale scale;
   for (const UnitSuffix& unit : kUnits) {
-    if (metadata.count(name + "_scale" + unit.text) == 0) continue;
-    if (stated != nullptr)
-      in.fail("# " + name + "_scale" + stated->text + " and # " + name + "_scale" + unit.text +
-              " stand for one column: leave the one that is right");
-    stated = &unit;
+    const auto stated = metadata.find(column + "_scale" + unit.text);
+    if (stated == metadata.end() || wants_gyro.value_or(unit.is_gyro) != unit.is_gyro) continue;
+    const auto& [key, text] = *stated;
+    if (scale.unit) refuse("# " + scale.key + " and # " + key + " stand for one column: leave the one that is right");
+    const char* last = text.data() + text.size();
+    double per_count = 0;
+    const auto result = std::from_chars(text.data(), last, per_count);
+    if (result.ec != std::errc() || result.ptr != last || !(per_count > 0) || !std::isfinite(per_count))
+      refuse("# " + key + ": expected a positive number, found \"" + text + "\"");
+    scale = {&unit, key, per_count * unit.to_internal};
+    if (scale.to_internal > kMaxValue || scale.to_internal < 1 / kMaxValue)
+      refuse("# " + key + ": " + text + " is no scale of a sensor's count");
   }
-  if (stated == nullptr)
-    in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
-  return *stated;
+  return scale;
 }
 
 // The axis that a column of counts becomes; its scale is in the metadata before the header.
 LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<std::string, std::string>& metadata) {
-  const UnitSuffix& unit = unit_of_scale(in, name, metadata);
-  const auto& [key, text] = *metadata.find(name + "_scale" + unit.text);
-  const char* last = text.data() + text.size();
-  double per_count = 0;
-  const auto result = std::from_chars(text.data(), last, per_count);
-  if (result.ec != std::errc() || result.ptr != last || !(per_count > 0) || !std::isfinite(per_count))
-    in.fail("# " + key + ": expected a positive number, found \"" + text + "\"");
+  const CountScale scale =
+      scale_of_counts(name, metadata, std::nullopt, [&](const std::string& problem) { in.fail(problem); });
+  if (!scale.unit)
+    in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
   LogAxis axis;
-  axis.name = name.substr(0, name.size() - std::strlen("_counts")) + (unit.is_gyro ? "_dph" : "_mg");
-  axis.is_gyro = unit.is_gyro;
-  axis.to_internal = per_count * unit.to_internal;
-  if (axis.to_internal > kMaxValue || axis.to_internal < 1 / kMaxValue)
-    in.fail("# " + key + ": " + text + " is no scale of a sensor's count");
+  axis.name = name.substr(0, name.size() - std::strlen("_counts")) + (scale.unit->is_gyro ? "_dph" : "_mg");
+  axis.is_gyro = scale.unit->is_gyro;
+  axis.to_internal = scale.to_internal;
   return axis;
 }
 
@@ -455,6 +463,15 @@ private:
 
 bool Log::has_temperature() const {
   return std::any_of(temp_degc.begin(), temp_degc.end(), [](double t) { return std::isfinite(t); });
+}
+
+std::optional<double> count_scale(const std::string& path, const std::map<std::string, std::string>& metadata,
+                                  const std::string& axis, bool is_gyro) {
+  const CountScale scale =
+      scale_of_counts(axis_stem(axis) + "_counts", metadata, is_gyro,
+                      [&](const std::string& problem) { throw data_error(path + ": " + problem); });
+  if (scale.unit) return scale.to_internal;
+  return std::nullopt;
 }
 
 const LogAxis& Log::axis(const std::string& name) const {

@@ -42,6 +42,12 @@ struct Log {
   std::string place(size_t row) const;                // "log.csv:17" for messages
 };
 
+// What one count of an axis is, in dph (mg where it is no gyro), as metadata state it for columns of counts and recorders beside
+// means: gx_counts_scale_dph, or in another unit of a column; empty: not stated.  data_error, which names `path`: stated twice,
+// or no scale.
+std::optional<double> count_scale(const std::string& path, const std::map<std::string, std::string>& metadata,
+                                  const std::string& axis, bool is_gyro);
+
 // A log whose lowest temperature is above it is in kelvin, most likely.
 constexpr double kWarmerThanAnySensor_degc = 200;
 

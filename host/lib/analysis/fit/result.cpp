@@ -28,7 +28,6 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
   imucal_table_channel_t channel{};
   if (imucal_text_set(channel.name, sizeof channel.name, axis.axis.c_str()) != IMUCAL_OK)
     throw data_error("axis \"" + axis.axis + "\": a table holds names of 1 to 12 printable characters");
-  const std::string stem = axis_stem(axis.axis), unit = axis.axis.substr(stem.size());
   channel.order = static_cast<uint8_t>(axis.order);
   channel.t0_degc = static_cast<float>(axis.t0_degc);
   channel.range_degc = static_cast<float>(axis.range_degc);
@@ -45,11 +44,12 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
       channel.markov_tau_s[i] = static_cast<float>(model->markov[i].tau_s);
     }
   }
-  const double scale = unit == "_mg" ? 1.0 : 18.0;
-  channel.unit_per_count =
-      static_cast<float>(info.unit_per_count.value_or(metadata_number(result, stem + "_counts_scale" + unit, scale)));
+  const bool is_gyro = !is_accelerometer(axis.axis);
+  const std::optional<double> noted = count_scale(result.logs[0], result.metadata, axis.axis, is_gyro);
+  channel.unit_per_count = static_cast<float>(info.unit_per_count.value_or(noted.value_or(is_gyro ? 18.0 : 1.0)));
+  const std::string full_scale = axis_stem(axis.axis) + "_full_scale_counts";
   channel.full_scale_counts = static_cast<int32_t>(static_cast<double>(
-      info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, stem + "_full_scale_counts", 32767)))));
+      info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, full_scale, 32767)))));
   channel.n_seconds = static_cast<uint32_t>(std::llround(static_cast<double>(axis.n_used) * axis.dt_s));
   return channel;
 }
