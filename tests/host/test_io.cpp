@@ -140,6 +140,19 @@ static void test_log_two_columns_of_one_axis_keep_their_names(void**) {
   }
 }
 
+// Flags are of the axis of their whole name, wherever they stand.
+static void test_log_flags_are_of_the_axis_of_their_name(void**) {
+  const std::string path =
+      file_with("flags.csv", "t_s,temp_degc,gx_flags,gx_dps,gx_raw_dph,g_dph,gx_raw_flags\n1,20,1,1,2,3,4\n");
+  const Log log = read_log(path);
+  std::remove(path.c_str());
+  assert_true(log.axis("gx_dph").flags == std::vector<int>{1} && log.axis("gx_raw_dph").flags == std::vector<int>{4});
+  assert_true(log.axis("g_dph").flags.empty());
+  assert_says(log_refusal("t_s,temp_degc,gx_dph,g_flags\n1,20,1,1\n"), "belongs to no axis");
+  assert_says(log_refusal("t_s,temp_degc,x_dph,x_mg,x_flags\n1,20,1,1,1\n"),
+              "\"x_flags\" belongs to x_dph and to x_mg");
+}
+
 static void test_log_metadata_several_on_a_line(void**) {
   const std::string path = file_with(
       "meta.csv", "# imucal-log = 1\n# device = ADIS16405  serial = 17  run = up-2\nt_s,temp_degc,gx_dph\n0,,1\n");
@@ -632,6 +645,7 @@ int main() {
       cmocka_unit_test(test_log_units_become_dph_and_mg),
       cmocka_unit_test(test_log_axes_are_named_in_the_units_inside),
       cmocka_unit_test(test_log_two_columns_of_one_axis_keep_their_names),
+      cmocka_unit_test(test_log_flags_are_of_the_axis_of_their_name),
       cmocka_unit_test(test_log_metadata_several_on_a_line),
       cmocka_unit_test(test_log_malformed_names_the_line),
       cmocka_unit_test(test_log_unknown_axis_lists_those_there_are),

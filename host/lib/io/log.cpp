@@ -242,6 +242,22 @@ LogAxis axis_of(const std::string& column, const UnitSuffix& unit, const std::ve
   return axis;
 }
 
+// The axis of gx_flags is gx_dph (or gx_dps, …).
+size_t axis_of_flags(const LineReader& in, const std::string& column, const std::vector<LogAxis>& axes) {
+  const std::string stem = column.substr(0, column.size() - std::strlen("_flags"));
+  size_t found = axes.size();
+  for (size_t a = 0; a < axes.size(); ++a) {
+    const std::string& name = axes[a].name;
+    if (axis_stem(name) != stem) continue;
+    if (found < a)
+      in.fail("column \"" + column + "\" belongs to " + axes[found].name + " and to " + name +
+              ": give each of the two a name of its own");
+    found = a;
+  }
+  if (found == axes.size()) in.fail("column \"" + column + "\" belongs to no axis");
+  return found;
+}
+
 std::vector<Column> columns_of(const LineReader& in, Log* log) {
   const std::vector<std::string> names = split(in.line());
   if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
@@ -269,15 +285,8 @@ std::vector<Column> columns_of(const LineReader& in, Log* log) {
     columns.push_back({Column::kAxis, log->axes.size(), name, unit->to_internal});
     log->axes.push_back(axis_of(name, *unit, names));
   }
-  for (Column& column : columns) {
-    if (column.kind != Column::kFlags) continue;
-    // gx_flags belongs to gx_dph (or gx_dps, …).
-    const std::string stem = column.name.substr(0, column.name.size() - std::strlen("_flags")) + "_";
-    column.index = log->axes.size();
-    for (size_t a = 0; a < log->axes.size(); ++a)
-      if (log->axes[a].name.rfind(stem, 0) == 0) column.index = a;
-    if (column.index == log->axes.size()) in.fail("column \"" + column.name + "\" belongs to no axis");
-  }
+  for (Column& column : columns)
+    if (column.kind == Column::kFlags) column.index = axis_of_flags(in, column.name, log->axes);
   if (log->axes.empty()) in.fail("no axis column; names end in their unit: _dph, _dps, _radps, _mg or _ms2");
   if (is_raw(columns) &&
       std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == Column::kAxis; }))
