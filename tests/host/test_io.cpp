@@ -153,6 +153,22 @@ static void test_log_flags_are_of_the_axis_of_their_name(void**) {
               "\"x_flags\" belongs to x_dph and to x_mg");
 }
 
+// However large: 1e-6 dph, and a microsecond of a clock that counts from 1970.
+static void test_log_written_keeps_the_digits_it_promises(void**) {
+  Log log;
+  log.t_s = {1767225600.25, 1767225601.25};
+  log.temp_degc = {20, 21};
+  log.axes.push_back({"gx_dph", 1.0, true, {1234567.654321, -98765.432109}, {}});
+  const std::string path = scratch("digits.csv");
+  write_log(path, log);
+  const Log back = read_log(path);
+  std::remove(path.c_str());
+  for (size_t k = 0; k < 2; ++k) {
+    assert_true(std::abs(back.axes[0].rate_dph[k] - log.axes[0].rate_dph[k]) < 1e-6);
+    assert_true(std::abs(back.t_s[k] - log.t_s[k]) < 1e-6);
+  }
+}
+
 static void test_log_metadata_several_on_a_line(void**) {
   const std::string path = file_with(
       "meta.csv", "# imucal-log = 1\n# device = ADIS16405  serial = 17  run = up-2\nt_s,temp_degc,gx_dph\n0,,1\n");
@@ -646,6 +662,7 @@ int main() {
       cmocka_unit_test(test_log_axes_are_named_in_the_units_inside),
       cmocka_unit_test(test_log_two_columns_of_one_axis_keep_their_names),
       cmocka_unit_test(test_log_flags_are_of_the_axis_of_their_name),
+      cmocka_unit_test(test_log_written_keeps_the_digits_it_promises),
       cmocka_unit_test(test_log_metadata_several_on_a_line),
       cmocka_unit_test(test_log_malformed_names_the_line),
       cmocka_unit_test(test_log_unknown_axis_lists_those_there_are),

@@ -727,9 +727,10 @@ static void put_number(std::ostream& out, double value, double lsb) {
   if (std::isnan(value)) return;
   if (std::isinf(value)) throw data_error("a value of the log to write is infinite, and no program would read it");
   char text[40];
-  // Shortest form that keeps the value to `lsb`.
+  // Shortest form that keeps the value to `lsb`, as far as a double has digits.
   const double rounded = std::round(value / lsb) * lsb;
-  const int n = std::snprintf(text, sizeof text, "%.10g", rounded == 0 ? 0.0 : rounded);
+  const int digits = std::clamp(2 + static_cast<int>(std::log10(std::abs(value) / lsb + 1)), 10, 16);
+  const int n = std::snprintf(text, sizeof text, "%.*g", digits, rounded == 0 ? 0.0 : rounded);
   out.write(text, n);
 }
 
