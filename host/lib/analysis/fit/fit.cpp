@@ -15,6 +15,7 @@
 #include "base/format.h"
 #include "base/range.h"
 #include "base/repeats.h"
+#include "base/temperature_step.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -502,6 +503,12 @@ void take_renewal(const std::vector<Log>& logs, FitAxis* axis, FitResult* result
   if (const std::string note = axis->renewal_note(); !note.empty()) result->warnings.push_back(note);
 }
 
+double temperature_step(const std::vector<FitRun>& runs, double dt_s) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const FitRun& run : runs) least = std::min(least, smallest_temperature_step(run.temp_degc));
+  return expected_temperature_step(least, dt_s);
+}
+
 FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
   const double dt_s = logs[0].dt_s();
   FitAxis axis;
@@ -513,9 +520,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   std::vector<FitRun> runs = runs_of(logs, name, options, dt_s);
   axis.repeated_frac = repeated_frac(runs);
   imucal_health_config_t expected{};
-  // Rows further apart than a second may lie further apart in temperature.
-  expected.temp_step_degc =
-      static_cast<float>(std::min(100.0, std::max(temperature_step(runs), dt_s > 1.01 ? 0.2 * dt_s : 0)));
+  expected.temp_step_degc = static_cast<float>(temperature_step(runs, dt_s));
   const Span seen = span_of(runs, expected);
   normalise(options, seen, &axis);
   judge_span(logs[0].path, seen, &axis, result);

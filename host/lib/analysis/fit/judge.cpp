@@ -215,16 +215,6 @@ double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s) {
   return most;
 }
 
-double temperature_step(const std::vector<FitRun>& runs) {
-  double least = std::numeric_limits<double>::infinity();
-  for (const FitRun& run : runs)
-    for (size_t k = 1; k < run.temp_degc.size(); ++k) {
-      const double step = std::abs(run.temp_degc[k] - run.temp_degc[k - 1]);
-      if (step > 0) least = std::min(least, step);
-    }
-  return std::isfinite(least) ? least : 0;
-}
-
 std::vector<std::string> fit_rules() {
   std::vector<std::string> names;
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) names.emplace_back(imucal_health_rule_name(rule));

@@ -44,9 +44,6 @@ Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_confi
 // Largest change of temperature within 64 s, as the core's rule of ramps has it, at any distance of the rows.
 double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s);
 
-// Smallest step between neighbouring readings: the thermometer's quantum or finer.
-double temperature_step(const std::vector<FitRun>& runs);
-
 // Without a model: the residual is more than the noise that it shows can make.  What is no noise, a loop of hysteresis or a
 // slow wave, leaves steps from second to second that are too small for its size.
 bool is_beyond_own_noise(const FitAxis& axis);
