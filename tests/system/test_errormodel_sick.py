@@ -92,6 +92,17 @@ def test_two_axes_that_are_one(tmp_path, command):
     assert one.returncode == 0 and "gx_dph" not in one.stderr, one.stderr
 
 
+@pytest.mark.parametrize("quantum_degc", (1, 2, 5))
+def test_coarse_thermometer_is_healthy(tmp_path, quantum_degc):
+    """Its steps are its quantum: no jumps, and nothing out of reach (calibrate fit takes it too)."""
+
+    def coarse(temp, rates):
+        temp[:] = quantum_degc * np.round(temp / quantum_degc)
+
+    done, result = fit(tmp_path, coarse)
+    assert result["judgement"] == {"accepted": True, "reasons": []}, done.stderr
+
+
 def test_accept_insists(tmp_path):
     done, result = fit(tmp_path, one_knock, "--accept", "outliers")
     assert done.returncode == 0 and (tmp_path / "m.json").exists()

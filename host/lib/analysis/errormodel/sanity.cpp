@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/format.h"
 #include "base/repeats.h"
+#include "base/temperature_step.h"
 #include "health.h"
 
 namespace imucal {
@@ -78,7 +79,7 @@ void add_outliers(const Series& s, Sanity* out) {
 void add_temperature_rules(const Series& s, Sanity* out) {
   if (s.temp_degc.empty()) return;
   imucal_health_config_t config{};
-  config.temp_step_degc = s.dt_s > 1.01 ? static_cast<float>(std::min(100.0, 0.2 * s.dt_s)) : 0;
+  config.temp_step_degc = static_cast<float>(expected_temperature_step(smallest_temperature_step(s.temp_degc), s.dt_s));
   imucal_health_t health;
   if (imucal_health_init(&health, &config) != IMUCAL_OK) return;
   uint32_t gap_s = 0;
