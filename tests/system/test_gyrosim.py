@@ -180,3 +180,17 @@ def test_log_bad_input_is_named(files, change, code, expected):
     done = gyrosim(files, *arguments, "-o", "a.csv", code=code)
     assert expected in done.stderr
     assert not (files / "a.csv").exists()
+
+
+def test_serve_names_its_accelerometers_as_log_does(files):
+    """As many as there are, also for effects; whatever unit their models state."""
+    (files / "effects.json").write_text(json.dumps([{"name": "warm_up", "parameters": {"amplitude_dph": 5000, "tau_s": 60}, "axis": "az"}]))
+    command = [str(GYROSIM), "serve", "--model", "model.json", "--profile", "profile.json", "--effects", "effects.json",
+               "--start", "cold", "--to", "/dev/null", "-o", "run.csv", "--quiet", *["--accel-model", "model.json"] * 4]
+    done = subprocess.run(command, cwd=files, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    header, data = rows(files / "run.csv")
+    assert header == ["t_s", "temp_degc", "gx_dph", "ax_mg", "ay_mg", "az_mg", "a3_mg"]
+    fall = data[:20].mean(axis=0) - data[-20:].mean(axis=0)
+    beside = {name: abs(fall[header.index(name)] - fall[header.index("ay_mg")]) for name in ("ax_mg", "az_mg")}  # one B(T) for all
+    assert beside["az_mg"] > 3000 and beside["ax_mg"] < 300

@@ -231,6 +231,7 @@ Exit run_serve(ServeOptions o) {
   o.feed.format.axis_scale.assign(n_gyros, o.feed.format.counts_scale_dph);
   for (const std::string& path : o.accel_model_paths) {
     models.push_back(read_model(path));
+    models.back().unit = "mg";
     o.feed.format.axis_scale.push_back(o.accel_scale_mg);
   }
   std::vector<EffectSpec> effects;
@@ -238,11 +239,7 @@ Exit run_serve(ServeOptions o) {
   o.sim.seed = o.feed.seed = o.common.seed;
   o.sim.n_logs = o.sim.log_index + 1;
   o.feed.quiet = o.common.quiet;
-  SimulatedDevice device = simulate_device(models, models.size(), read_profile(o.profile_path), effects, o.sim);
-  for (size_t a = n_gyros; a < models.size(); ++a) {
-    device.log.axes[a].name = std::string("a") + "xyz"[(a - n_gyros) % 3] + "_mg";
-    device.log.axes[a].is_gyro = false;
-  }
+  const SimulatedDevice device = simulate_device(models, models.size(), read_profile(o.profile_path), effects, o.sim);
   if (!o.log_path.empty()) write_log(o.log_path, device.log);
   return tell_fed(o.common, o.feed, feed(device.seconds, o.feed));
 }
