@@ -92,6 +92,18 @@ void test_raw_half_empty_second_has_no_rate(void**) {
   assert_true(std::isnan(log.axes[0].rate_dph[0]) && std::isnan(log.axes[0].rate_dph[1]));
 }
 
+// A thermometer is read less often than a gyro: its last reading holds, for a second (as sample.h has it).
+void test_raw_temperature_holds_for_a_second(void**) {
+  std::string text = std::string(kHead) + "t_s,temp_degc,gx_counts,ax_counts\n";
+  for (int k = 0; k < 40; ++k)
+    text +=
+        std::to_string(0.1 * k) + "," + (k == 0 || k == 5 || k == 12 ? std::to_string(20 + k / 100.0) : "") + ",1,1\n";
+  const Log log = read(text);
+  assert_true(std::abs(log.temp_degc[0] - (5 * 20 + 5 * 20.05) / 10) < 1e-5);
+  assert_true(std::abs(log.temp_degc[1] - (2 * 20.05 + 8 * 20.12) / 10) < 1e-5);
+  assert_true(std::isnan(log.temp_degc[2]) && std::isnan(log.temp_degc[3])); // from 2.2 s on it is older
+}
+
 void test_raw_scan_gives_the_same_rows(void**) {
   const std::string path = write(samples(13, 3));
   const Log log = read_log(path);
@@ -132,6 +144,7 @@ int main() {
       cmocka_unit_test(test_raw_samples_become_means_in_units),
       cmocka_unit_test(test_raw_flags_and_lost_samples_reach_their_second),
       cmocka_unit_test(test_raw_half_empty_second_has_no_rate),
+      cmocka_unit_test(test_raw_temperature_holds_for_a_second),
       cmocka_unit_test(test_raw_scan_gives_the_same_rows),
       cmocka_unit_test(test_raw_bad_input_names_what_is_wrong),
   };

@@ -12,7 +12,8 @@ namespace imucal {
 namespace {
 constexpr double kTempCountsPerDegc = 65536;
 constexpr double kMaxRawTempDegc = 10000;
-constexpr float kMaxRate = 1e12F; // as in a log of means
+constexpr double kTemperatureHolds_s = 1 + 1e-6; // a second, and a clock's rounding
+constexpr float kMaxRate = 1e12F;                // as in a log of means
 } // namespace
 
 RawDecimator::RawDecimator(const Log& header) : log_(header) {
@@ -45,9 +46,13 @@ void RawDecimator::begin(double t_s, double temp_degc, long line) {
   sample_.t_us = static_cast<uint64_t>(std::llround(t_s * 1e6));
   sample_.n_channels = static_cast<uint8_t>(log_.axes.size());
   is_whole_ = true;
-  has_temperature_ = std::isfinite(temp_degc);
-  if (has_temperature_ && std::abs(temp_degc) > kMaxRawTempDegc) refuse("temp_degc is out of range");
-  if (has_temperature_) sample_.temp_counts = static_cast<int32_t>(std::lround(temp_degc * kTempCountsPerDegc));
+  if (std::abs(temp_degc) > kMaxRawTempDegc) refuse("temp_degc is out of range");
+  if (std::isfinite(temp_degc)) {
+    temp_counts_ = static_cast<int32_t>(std::lround(temp_degc * kTempCountsPerDegc));
+    temp_t_s_ = t_s;
+  }
+  has_temperature_ = temp_t_s_ && t_s - *temp_t_s_ <= kTemperatureHolds_s;
+  if (has_temperature_) sample_.temp_counts = temp_counts_;
 }
 
 void RawDecimator::counts(size_t axis, double value) {

@@ -7,7 +7,8 @@
 //   t_s,temp_degc,gx_counts,gx_flags
 //   0.000,24.81,22,0
 // t_s: time of the sample.  A sample with an empty count is left out for all axes (the second is flagged).  A second with
-// fewer than half of its samples has no rate.  temp_degc enters the sum as counts of 2^-16 degC.
+// fewer than half of its samples has no rate.  temp_degc enters the sum as counts of 2^-16 degC; where it is empty the last one
+// holds, for a second (sample.h); a second with a sample that has none has no temperature.
 #pragma once
 #include "io/log.h"
 #include "sample.h"
@@ -38,7 +39,9 @@ private:
   double t_s_ = 0;
   long line_ = 0;
   bool is_whole_ = true, has_temperature_ = true; // of the sample
-  bool run_has_temperature_ = true;               // of every sample of the running second
+  int32_t temp_counts_ = 0;                       // the last reading, and when it was
+  std::optional<double> temp_t_s_;
+  bool run_has_temperature_ = true; // of every sample of the running second
 };
 
 } // namespace imucal
