@@ -80,6 +80,18 @@ def test_a_filter_model_of_another_unit_is_refused(folder):
     assert done.returncode == 3 and "accel.json" in done.stderr and "mg" in done.stderr and "one sensor" in done.stderr
 
 
+@pytest.mark.parametrize("command", ["errormodel expect model.json --nominal accel.json", "errormodel validate --model model.json --nominal accel.json --runs 2",
+                                     "errormodel sensitivity --model model.json --versus accel.json --types av",
+                                     "errormodel separation --model model.json --versus accel.json --types av --draws 1",
+                                     "errormodel fit log.csv --markov 1 --bootstrap 0 --nominal accel.json",
+                                     "errormodel check log.csv --model model.json --nominal accel.json",
+                                     "dp log.csv --nominal accel.json", "dp log.csv --ci-model accel.json", "dp log.csv --stream --ci-model accel.json"])
+def test_models_of_two_sensors_are_not_compared(folder, command):
+    (folder / "accel.json").write_text(json.dumps({"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.15, "markov": [{"sigma_mg": 1, "tau_s": 100}]}))
+    done = run(*[folder / word if word.endswith((".json", ".csv")) else word for word in command.split()])
+    assert done.returncode == 3 and "mg" in done.stderr and "sensor" in done.stderr, done.stderr
+
+
 @pytest.mark.parametrize("command", [("dp", "--no-ratios"), ("errormodel", "fit", "--markov", "1", "--bootstrap", "0"),
                                      ("calibrate", "fit", "--method", "poly")])
 def test_times_in_milliseconds_are_remarked(folder, command):

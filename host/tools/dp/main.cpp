@@ -117,10 +117,28 @@ void print_curve(const DpCurve& c, const CurveIntervals& intervals) {
                c.tau_s[static_cast<size_t>(few - intervals.blocks.begin())], kFewestBlocks, assumed_noise(c.type)));
 }
 
+// What the options name, read, and the result as it grows.
+struct Session {
+  const Options& o;
+  Detrend detrend;
+  std::optional<ErrorModel> nominal, ci_model;
+  Json json = {{"curves", Json::array()}, {"ratios", Json::array()}, {"quantization", Json::array()}};
+  std::vector<DpCurve> first_estimator = {};
+
+  // Every model is of the sensor that the axis is of.
+  void check_units(const std::string& axis) const {
+    if (nominal) check_unit(*nominal, o.nominal, axis);
+    if (ci_model) check_unit(*ci_model, o.ci_model, axis);
+  }
+  std::vector<NoiseComponent> components(double dt_s) const {
+    return ci_model ? noise_components(*ci_model, dt_s) : std::vector<NoiseComponent>();
+  }
+};
+
 // Curves of one log in bounded memory: once through for lengths and means, once for the curves.
-void stream_log(const Options& o, const std::string& log, const Detrend& detrend,
-                const std::optional<ErrorModel>& nominal,
+void stream_log(const Session& session, const std::string& log,
                 const std::function<void(const DpCurve&, const DpOperator&)>& done) {
+  const Options& o = session.o;
   std::vector<double> sum, base;
   std::vector<long> count;
   std::vector<char> varies;
@@ -138,16 +156,16 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
         sum[a] += rate - base[a];
         varies[a] = varies[a] || rate != base[a];
       });
-  DpOperator op = make_dp_operator(dp_type_from_text(o.type), header.dt_s, nominal, o.estimation_s);
+  DpOperator op = make_dp_operator(dp_type_from_text(o.type), header.dt_s, session.nominal, o.estimation_s);
   op.min_fill = o.min_fill;
   const auto tau_s = parse_tau(o.tau, header.dt_s, std::max(header.dt_s, static_cast<double>(size) * header.dt_s / 10));
   std::vector<long> n;
   for (double t : tau_s) n.push_back(std::lround(t / header.dt_s));
   for (size_t a = 0; a < header.axes.size(); ++a) {
-    if (nominal) check_unit(*nominal, o.nominal, header.axes[a]);
+    session.check_units(header.axes[a]);
     if (!varies[a])
       throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
-    base[a] = detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
+    base[a] = session.detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
   }
   if (n.back() + op.history_n(n.back()) > size)
     throw data_error(log + ": tau " + std::to_string(tau_s.back()) + " s is beyond the record of " +
@@ -168,19 +186,6 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
     done(c, op);
   }
 }
-
-// What the options name, read, and the result as it grows.
-struct Session {
-  const Options& o;
-  Detrend detrend;
-  std::optional<ErrorModel> nominal, ci_model;
-  Json json = {{"curves", Json::array()}, {"ratios", Json::array()}, {"quantization", Json::array()}};
-  std::vector<DpCurve> first_estimator = {};
-
-  std::vector<NoiseComponent> components(double dt_s) const {
-    return ci_model ? noise_components(*ci_model, dt_s) : std::vector<NoiseComponent>();
-  }
-};
 
 Session make_session(const Options& o) {
   Session session{o, Detrend::parse(o.detrend), {}, {}};
@@ -278,8 +283,7 @@ void note_twins(const std::vector<Series>& axes) {
 // The axes of one log, side by side; told in their order.
 void analyse_log(const std::string& log, Session* session) {
   std::vector<Series> axes = load_series(log, session->o.axes, true);
-  if (session->nominal)
-    for (const Series& s : axes) check_unit(*session->nominal, session->o.nominal, s.axis);
+  for (const Series& s : axes) session->check_units(s.axis);
   note_twins(axes);
   const std::vector<double> temp_degc = shared_temperature(session->detrend, &axes);
   std::vector<AxisResult> results(axes.size());
@@ -298,7 +302,7 @@ Exit run(const Options& o) {
   Session session = make_session(o);
   for (const std::string& log : o.logs) {
     if (o.stream) {
-      stream_log(o, log, session.detrend, session.nominal, [&](const DpCurve& c, const DpOperator& op) {
+      stream_log(session, log, [&](const DpCurve& c, const DpOperator& op) {
         add_curve(c, curve_intervals(c, op, session.components(op.dt_s)), &session);
       });
       continue;

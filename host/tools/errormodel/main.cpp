@@ -32,10 +32,18 @@ struct Options {
   int markov = -1, bootstrap = 40, runs = 5, draws = 200;
 };
 
-// DP2 with a nominal model, else the Allan deviation: which needs none.
-DpOperator operator_of(const Options& o, double dt_s, const std::string& type = "") {
+// Models that meet in one figure are of one sensor; one that does not state its unit is taken for what it meets.
+void require_unit(const ErrorModel& model, const std::string& path, const std::string& unit) {
+  if (!model.unit.empty() && model.unit != unit)
+    throw data_error(path + ": a model in " + model.unit + ", what it is compared with is in " + unit +
+                     ": give models of one sensor");
+}
+
+// DP2 with a nominal model, else the Allan deviation: which needs none.  unit: of what is predicted.
+DpOperator operator_of(const Options& o, double dt_s, const std::string& unit, const std::string& type = "") {
   std::optional<ErrorModel> nominal;
   if (!o.nominal.empty()) nominal = read_model(o.nominal);
+  if (nominal) require_unit(*nominal, o.nominal, unit);
   const std::string wanted = !type.empty() ? type : !o.type.empty() ? o.type : nominal ? "dp2" : "av";
   return make_dp_operator(dp_type_from_text(wanted), dt_s, nominal, o.estimation_s);
 }
@@ -153,7 +161,7 @@ Exit expect(const Options& given) {
   const ErrorModel model = read_model(o.model);
   std::vector<Series> like;
   if (!o.logs.empty()) like = load_series(o.logs[0], o.axes, true);
-  const DpOperator op = operator_of(o, like.empty() ? o.dt_s : like[0].dt_s);
+  const DpOperator op = operator_of(o, like.empty() ? o.dt_s : like[0].dt_s, model.unit_or_dph());
   const Detrend detrend = Detrend::parse(o.detrend);
   const auto tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, op.dt_s, 600);
   std::vector<double> dp;
@@ -253,7 +261,7 @@ FitInput read_fit_input(const Options& o) {
   in.unit = axis_unit(in.raw[0].axis);
   const Detrend detrend = Detrend::parse(o.detrend);
   for (Series& s : in.detrended) remove_trend(detrend, &s);
-  in.op = operator_of(o, in.detrended[0].dt_s);
+  in.op = operator_of(o, in.detrended[0].dt_s, in.unit);
   in.settings = {o.criterion, o.markov, across_of(o), detrend, taus_for(o, in.detrended), o.confidence};
   if (o.criterion == "ml" && o.tau.empty()) end_curve_at_whole_windows(in.detrended, in.op, &in.settings.tau_s);
   in.data = make_curve_data(in.detrended, in.op, detrend, in.settings.tau_s, in.settings.across);
@@ -521,7 +529,7 @@ Exit check(const Options& given) {
   const std::vector<Series> all = load_all(o, false);
   const ErrorModel model = read_model(o.model);
   check_unit(model, o.model, all[0].axis);
-  const DpOperator op = operator_of(o, all[0].dt_s);
+  const DpOperator op = operator_of(o, all[0].dt_s, axis_unit(all[0].axis));
   const Detrend detrend = Detrend::parse(o.detrend);
   const auto tau_s = taus_for(o, all);
   Json each = Json::array();
@@ -555,13 +563,14 @@ std::vector<std::string> types_of(const Options& o) {
 
 Exit sensitivity(const Options& o) {
   const ErrorModel model = read_model(o.model), versus = read_model(o.versus);
+  require_unit(versus, o.versus, model.unit_or_dph());
   const auto tau_s = parse_tau(o.tau.empty() ? "10:200" : o.tau, o.dt_s, 600);
   Json json = {{"tau_s", tau_s},
                {"sensitivity", Json::object()},
                {"model_dp_dph", Json::object()},
                {"versus_dp_dph", Json::object()}};
   for (const std::string& type : types_of(o)) {
-    const DpOperator op = operator_of(o, o.dt_s, type);
+    const DpOperator op = operator_of(o, o.dt_s, model.unit_or_dph(), type);
     const auto a = expected_dp_dph(model, op, tau_s), b = expected_dp_dph(versus, op, tau_s);
     std::vector<double> relative;
     double square = 0;
@@ -586,13 +595,14 @@ Exit sensitivity(const Options& o) {
 Exit separate(const Options& o) {
   SeparationSettings s;
   s.model = read_model(o.model), s.versus = read_model(o.versus);
+  require_unit(s.versus, o.versus, s.model.unit_or_dph());
   s.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
   s.dt_s = o.dt_s, s.runs = o.runs, s.draws = o.draws, s.seed = o.common.seed, s.threads = o.common.thread_count();
   s.tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600);
   Json json = {{"seed", s.seed},   {"draws", s.draws},       {"runs", s.runs}, {"duration_s", s.duration_s},
                {"tau_s", s.tau_s}, {"types", Json::object()}};
   for (const std::string& type : types_of(o)) {
-    const Separation r = separation(s, operator_of(o, o.dt_s, type));
+    const Separation r = separation(s, operator_of(o, o.dt_s, s.model.unit_or_dph(), type));
     json["types"][type] = {{"longest_s", r.longest_s},
                            {"spread", spread_json(r.spread)},
                            {"separated_frac", r.separated_frac},
@@ -621,7 +631,7 @@ Exit validate_fit(const Options& given) {
            Detrend::parse(o.detrend),
            parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600),
            o.confidence};
-  const DpOperator op = operator_of(o, o.dt_s);
+  const DpOperator op = operator_of(o, o.dt_s, v.truth.unit_or_dph());
   const Validation r = validate(v, op);
   Json parameters = Json::array();
   for (size_t p = 0; p < r.names.size(); ++p)
