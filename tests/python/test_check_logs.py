@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from imucal import read_log
 from imucal.__main__ import main
 from programs_say import check_all_name_the_field, dp_says
 
@@ -74,6 +75,9 @@ LOGS = {
     "flags of words": (text([[*row[:3], "ok"] for row in healthy()], head="t_s,temp_degc,gx_dph,gx_flags"), 3),
     "flags below zero": (text([[*row[:3], "-1"] for row in healthy()], head="t_s,temp_degc,gx_dph,gx_flags"), 3),
     "flags in part": (text([[*row[:3], "0.5"] for row in healthy()], head="t_s,temp_degc,gx_dph,gx_flags"), 3),
+    "flags of no axis": (text([[*row[:3], "0"] for row in healthy()], head="t_s,temp_degc,gx_dph,g_flags"), 2),
+    "flags of two axes": (text([[*row, "0"] for row in healthy()], head="t_s,temp_degc,x_dph,x_mg,x_flags"), 2),
+    "flags between axes that begin alike": (text([[*row, "2"] for row in healthy()], head="t_s,temp_degc,gx_raw_dph,gx_dph,gx_flags"), None),
     "a bit of our own": (text([[*row[:3], "128"] for row in healthy()], head="t_s,temp_degc,gx_dph,gx_flags"), None),
 }
 
@@ -117,3 +121,9 @@ def test_check_and_the_programs_agree_on_a_log(tmp_path, name, capfd):
     of_check, of_dp = (re.search(r"log\.csv:(\d+)", w) for w in (said.err, words))
     assert of_check and int(of_check[1]) == line, said.err
     assert int(of_dp[1]) == line if of_dp else "at t_s = " in words and "average the log to even seconds" in words, words
+
+
+def test_flags_are_of_the_axis_of_their_whole_name(tmp_path):
+    (tmp_path / "log.csv").write_text(LOGS["flags between axes that begin alike"][0])
+    log = read_log(str(tmp_path / "log.csv"))
+    assert list(log.flags) == ["gx_dph"] and set(log.flags["gx_dph"]) == {2}

@@ -117,6 +117,13 @@ def _check_header(path, number, columns, metadata):
             raise DataError(f"{path}:{number}: column {i} has no printable name")
         if name in columns[:i - 1]:
             raise DataError(f"{path}:{number}: column \"{name}\" is given twice")
+    axes = [name for name in columns if name.rpartition("_")[2] in _UNITS]
+    for name in columns:
+        of_name = _axes_of_flags(name, axes) if name.endswith("_flags") else [name]
+        if not of_name:
+            raise DataError(f"{path}:{number}: column \"{name}\" belongs to no axis")
+        if len(of_name) > 1:
+            raise DataError(f"{path}:{number}: column \"{name}\" belongs to {' and to '.join(of_name)}: give each of the two a name of its own")
 
 
 def _refuse(path, lines, bad, words):
@@ -206,9 +213,9 @@ def need_readable(path, log):
             raise DataError(f"{path}: {name}: {values[place]:g}, the mean of the second to {at(place)}, {words}")
 
 
-def _axis_of_flags(name, axes):
-    stem = name[: -len("flags")]
-    return next((a for a in axes if a.startswith(stem)), None)
+def _axes_of_flags(name, axes):
+    stem = name.removesuffix("_flags")
+    return [axis for axis in axes if axis.rpartition("_")[0] == stem]
 
 
 def _leave_out_cut_row(path, number, line):
@@ -311,9 +318,7 @@ def _log_of(path, metadata, columns, table, lines):
             log.rates[internal] = table[:, i] * _UNITS[unit]
     for i, name in enumerate(columns[2:], 2):
         if name.endswith("_flags"):
-            axis = _axis_of_flags(name, log.rates)
-            if axis is None:
-                raise DataError(f"{path}: column \"{name}\" belongs to no axis")
+            axis, = _axes_of_flags(name, log.rates)
             log.flags[axis] = np.nan_to_num(table[:, i]).astype(int)
     if not log.rates:
         raise DataError(f"{path}: no axis column; names end in their unit: _dph, _dps, _radps, _mg or _ms2")
