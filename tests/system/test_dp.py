@@ -232,6 +232,9 @@ def test_stream_gives_the_same_curves(tmp_path, nominal):
         assert stream["dp_dph"] == pytest.approx(whole["dp_dph"], rel=1e-9)
     done = run("dp", log, "--type", "av", "--stream", "--estimator", "max", expect=2)
     assert "--stream" in done.stderr
+    with open(log) as text:  # which cannot be read twice
+        done = subprocess.run([BIN / "dp", "-", "--stream"], stdin=text, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "standard input" in done.stderr, done.stderr
 
 
 # ---- text ----

@@ -193,6 +193,9 @@ Session make_session(const Options& o) {
   if (!o.ci_model.empty()) session.ci_model = read_model(o.ci_model);
   if (o.stream && (session.detrend.order > 0 || o.estimators != std::vector<std::string>{"rms"}))
     throw usage_error("--stream gives rms curves with --detrend none or mean only");
+  if (o.stream && std::count(o.logs.begin(), o.logs.end(), "-") > 0)
+    throw usage_error(
+        "--stream reads a log twice, and standard input is gone then: name a file, or leave --stream out");
   return session;
 }
 
