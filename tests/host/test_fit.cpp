@@ -528,6 +528,8 @@ void test_an_axis_is_found_by_its_whole_name(void**) {
   assert_true(says(message_of({log}, options), "no axis \"x\""));
   log.axes.pop_back();
   assert_string_equal(fit_logs({log}, options).axes.at(0).axis.c_str(), "x_dph");
+  options.axes = {"x", "x_dph"};
+  assert_true(says(message_of({log}, options), "axes x and x_dph are one"));
 }
 
 void test_several_markov_terms_are_merged_with_a_warning(void**) {

@@ -199,6 +199,11 @@ def test_run_unknown_axis_lists_those_there_are(imu):
     refused(imu, 2, "gw_dph", "gx_dph gy_dph gz_dph", command=["run", "--model", "model.json", "--range", "0:60", "--axis", "gw_dph"])
 
 
+def test_run_axis_given_twice_starts_nothing(imu):
+    refused(imu, 2, "gy_dph", "twice", command=["run", "--model", "model.json", "--range", "0:60", *["--axis", "gy_dph"] * 2])
+    assert ", idle" in imu.calibrate("info")[1]
+
+
 def test_run_record_that_cannot_be_written(imu):
     imu.sense(QUICK)
     refused(imu, 3, "no/such/folder", command=["run", "--model", "model.json", "--range", "0:60", "--record", "no/such/folder/x.csv"])

@@ -56,6 +56,8 @@ std::vector<size_t> chosen_channels(const Device& device, const RunOptions& opti
       for (size_t k = 0; k < n; ++k) known += (k ? " " : "") + device.channel_name(k);
       throw usage_error("axis '" + axis + "': the device has " + known);
     }
+    if (std::find(chosen.begin(), chosen.end(), i) != chosen.end())
+      throw usage_error("axis '" + axis + "' is given twice: name it once");
     chosen.push_back(i);
   }
   const bool wants_accel = options.models.size() == 1 && options.models.front().unit == "mg";

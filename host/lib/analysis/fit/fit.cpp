@@ -148,6 +148,14 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
                          ": the predicted error would be too small; give every log once");
 }
 
+// An axis has one place in a table, whatever it is called (gx, gx_dph) and in whatever units the log has it.
+void require_different(const Log& log, const std::vector<std::string>& names) {
+  for (size_t i = 0; i < names.size(); ++i)
+    for (size_t j = 0; j < i; ++j)
+      if (const std::string name = name_of(find_axis(log, names[i])); name == name_of(find_axis(log, names[j])))
+        throw usage_error("axes " + names[j] + " and " + names[i] + " are one, " + name + ": name it once (--axis)");
+}
+
 void check_twins(const Log& log, const std::vector<std::string>& names) {
   for (size_t i = 0; i < names.size(); ++i)
     for (size_t j = 0; j < i; ++j) {
@@ -619,6 +627,7 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   for (const Log& log : logs) result.logs.push_back(log.path);
   if (!options.ignore_metadata) note_nameless(logs, &result);
   const std::vector<std::string> names = axes_of(logs[0], options);
+  require_different(logs[0], names);
   if (options.method == FitOptions::Method::kKalman) note_merged(names, logs[0], options, &result);
   for (const Log& log : logs) check_twins(log, names);
   for (const std::string& name : names) result.axes.push_back(fit_axis(logs, name, options, &result));
