@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "io/json_file.h"
 #include "physics/effects/effect.h"
+#include "physics/effects/estimation.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>
@@ -176,7 +177,7 @@ static void test_random_effects_have_their_moments(void**) {
   }
   assert_in_range(std::sqrt(ends), 34, 46); // 0.5 sqrt(6400) = 40, 5 % standard error
   const SimRun flicker = simulated("flicker_noise", R"({"b_dph": 10})");
-  assert_int_equal(flicker.markov.size(), 1 + 17);
+  assert_int_equal(flicker.markov.size(), 1 + 18);
 }
 
 // One-sided density of the Markov processes that stand for flicker, against B^2/(pi f) of IEEE 952.
@@ -190,6 +191,31 @@ static void test_flicker_has_the_density_of_the_standard(void**) {
     }
     assert_double_equal(density / (100 / (M_PI * hz)), 1.0, 0.03);
   }
+}
+
+// Allan deviation of means of m rows of a process that is constant within a row.
+static double allan_variance(const Markov& process, int m) {
+  const double phi = std::exp(-1 / process.tau_s);
+  double within = m, beside = 0; // sums of correlations of one mean with itself, and with the next
+  for (int h = 1; h < m; ++h) within += 2 * (m - h) * std::pow(phi, h);
+  for (int i = 0; i < m; ++i)
+    for (int j = 0; j < m; ++j) beside += std::pow(phi, m + j - i);
+  return process.sigma_dph * process.sigma_dph * (within - beside) / m / m;
+}
+
+// From means of a second on, in the simulation and in the estimation.
+static void test_flicker_has_the_flat_allan_deviation_of_the_standard(void**) {
+  const SimRun run = simulated("flicker_noise", R"({"b_dph": 10})");
+  std::vector<Markov> simulated_ones;
+  for (size_t i = 1; i < run.markov.size(); ++i)
+    simulated_ones.push_back({run.markov[i].sigma_dph[0], run.markov[i].tau_s[0]});
+  const std::vector<Markov> estimated = find_effect("flicker_noise").estimator()->noise({}, {10}).markov;
+  for (const std::vector<Markov>& ladder : {simulated_ones, estimated})
+    for (const int m : {1, 2, 4, 8, 32, 256}) {
+      double variance = 0;
+      for (const Markov& process : ladder) variance += allan_variance(process, m);
+      assert_double_equal(std::sqrt(variance) / 6.64, 1.0, 0.03);
+    }
 }
 
 // s1 x + s2 (x^2 - 1/3)/2: variance s^2 (1 + 1/9) at the ends, s^2/36 in the middle; one curve in each run.
@@ -316,6 +342,7 @@ int main() {
       cmocka_unit_test(test_step_acts_in_its_log_from_its_time_on),
       cmocka_unit_test(test_random_effects_have_their_moments),
       cmocka_unit_test(test_flicker_has_the_density_of_the_standard),
+      cmocka_unit_test(test_flicker_has_the_flat_allan_deviation_of_the_standard),
       cmocka_unit_test(test_run_to_run_has_its_variance_over_temperature),
       cmocka_unit_test(test_noise_levels_follow_temperature),
       cmocka_unit_test(test_outputs_are_quantised_clipped_dead_or_held),
