@@ -104,7 +104,7 @@ static imucal_status identify(imucal_mpu6050_t* sensor) {
     is_known = status == IMUCAL_OK && is_ours(sensor);
   }
   if (status != IMUCAL_OK) return status;
-  sensor->is_6500 = sensor->identity != ID_6050;
+  if (is_known) sensor->is_6500 = sensor->identity != ID_6050;
   if (is_known) return IMUCAL_OK;
   imucal_sensor_count_identity(&sensor->counts, sensor->identity);
   return IMUCAL_ERR_SENSOR;

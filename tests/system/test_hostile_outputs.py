@@ -75,6 +75,26 @@ def test_one_record_given_twice_is_refused(folder, command):
     assert run(*command, folder / "log.csv", folder / "other.csv").returncode == 0
 
 
+def test_exports_that_overlap_are_refused(folder):
+    """The last 1500 s of one log are the first of another: they would count twice.  Stretches of 64 s are compared."""
+    head, *rows = log_text(n=6000).split("t_s,temp_degc,gx_dph\n")
+    rows = rows[0].splitlines()
+    for name, part in (("first.csv", rows[:4000]), ("second.csv", rows[2500:])):
+        (folder / name).write_text(head + "t_s,temp_degc,gx_dph\n" + "\n".join(part) + "\n")
+    done = run("calibrate", "fit", "--method", "poly", folder / "first.csv", folder / "second.csv")
+    assert done.returncode == 3 and "second.csv: its rates from 2561 s on are those of" in done.stderr, done.stderr
+    assert "must not count twice" in done.stderr and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("counts", ["1e30", "0", "-5", "7.5"])
+def test_full_scale_that_no_converter_has_is_refused(folder, counts):
+    """It went into the table as a number that the machine made of it."""
+    (folder / "scale.csv").write_text(log_text().replace("t_s,", f"# gx_full_scale_counts = {counts}\nt_s,"))
+    done = run("calibrate", "fit", "--method", "poly", folder / "scale.csv", "--serial", "A", "-o", folder / "t.json")
+    assert done.returncode == 3 and "gx_full_scale_counts: expected a whole number from 1" in done.stderr, done.stderr
+    assert not (folder / "t.json").exists()
+
+
 def test_a_filter_model_of_another_unit_is_refused(folder):
     done = run("profile", "error", folder / "profile.json", "--model", folder / "model.json", "--order", "3", "--filter-model", folder / "accel.json")
     assert done.returncode == 3 and "accel.json" in done.stderr and "mg" in done.stderr and "one sensor" in done.stderr

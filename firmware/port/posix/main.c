@@ -145,7 +145,7 @@ static uint64_t port_time_us(void* ctx) {
   const device_t* self = ctx;
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
-  return (uint64_t)((now.tv_sec - self->start.tv_sec) * 1000000 + (now.tv_nsec - self->start.tv_nsec) / 1000);
+  return (uint64_t)((int64_t)(now.tv_sec - self->start.tv_sec) * 1000000 + (now.tv_nsec - self->start.tv_nsec) / 1000);
 }
 
 static void port_watchdog(void* ctx) {

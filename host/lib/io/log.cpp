@@ -12,6 +12,7 @@
 
 #include "base/axis_unit.h"
 #include "base/error.h"
+#include "base/format.h"
 #include "base/median.h"
 #include "base/suggest.h"
 #include "base/units.h"
@@ -446,12 +447,10 @@ private:
     if (std::abs(usual_s / 1000 - 1) < 0.01)
       notice(header_.path + ": rows are 1000 s apart: are these milliseconds? t_s is in seconds");
     if (std::abs(usual_s / 1000 - 1) < 0.01 || std::abs(usual_s - 1) <= kMostOffSecond) return;
-    char text[240];
-    std::snprintf(text, sizeof text, ": rows are %.6g s apart, not 1 s: each is taken as the mean over %.6g s. %s",
-                  usual_s, usual_s,
-                  usual_s > 1
-                      ? "If seconds were left out, noise and errors come out too large: give every second, or means"
-                      : "If they are readings and no means, average them to seconds");
+    const std::string text = format(
+        ": rows are %.6g s apart, not 1 s: each is taken as the mean over %.6g s. %s", usual_s, usual_s,
+        usual_s > 1 ? "If seconds were left out, noise and errors come out too large: give every second, or means"
+                    : "If they are readings and no means, average them to seconds");
     notice(header_.path + text);
   }
 
@@ -550,6 +549,15 @@ std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b)
       if (is_same_noise(&x[it->second], &y[k])) return std::pair{it->second, k};
   }
   return std::nullopt;
+}
+
+std::string shared_rows_text(const Log& a, const Log& b) {
+  const auto shared = shared_rows(a, b);
+  if (!shared) return "";
+  return format(
+      "%s: its rates from %.9g s on are those of %s from %.9g s on: both hold a part of one record, which must not "
+      "count twice; cut it off one of them",
+      b.path.c_str(), b.t_s[shared->second], a.path.c_str(), a.t_s[shared->first]);
 }
 
 // The same value, or a missing one, in every row; sets *moves where they are not one and the same all along.

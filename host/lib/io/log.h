@@ -63,6 +63,8 @@ bool same_rows(const Log& a, const Log& b);
 // with other digits or about another mean.  Rates that hardly change from row to row, as those of a coarse converter, are not
 // compared.
 std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b);
+// What is to be said of b where they share rows; "" where they do not.
+std::string shared_rows_text(const Log& a, const Log& b);
 
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
 // A last row without line end is left out, with a notice (io/notice.h): it may be cut off inside a number.

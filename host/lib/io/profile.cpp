@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "base/format.h"
 #include "base/units.h"
 #include "io/json_file.h"
 #include "io/notice.h"
@@ -77,13 +77,11 @@ std::vector<double> Profile::temperatures(double dt_s) const {
   return out;
 }
 
-// A member that is given and not followed; format: of what is followed and what is given.
-static void note_ignored(const JsonField& member, double followed, const char* format) {
+// A member that is given and not followed; pattern: of what is followed and what is given.
+static void note_ignored(const JsonField& member, double followed, const char* pattern) {
   const double given = member.number();
   if (std::abs(given - followed) <= kSameMember * std::max(1.0, std::abs(followed))) return;
-  char text[160];
-  std::snprintf(text, sizeof text, format, followed, given);
-  notice(member.place() + ": " + text);
+  notice(member.place() + ": " + format(pattern, followed, given));
 }
 
 // `is_only_first`: no other segment or cycle has moved the temperature before it.
@@ -121,13 +119,12 @@ static void note_lost_ramps(const JsonField& field, const Profile& profile) {
   for (size_t i = 0; i < profile.segments.size(); ++i) {
     const ProfileSegment& s = profile.segments[i];
     if (s.rate_degc_per_min != 0 && s.to_degc == temp_degc && s.duration_s > 0) {
-      char text[240];
-      std::snprintf(
-          text, sizeof text,
-          ": repeat: each further cycle starts where the last one ended, at %.6g degC: the ramp of segments[%zu] "
-          "to %.6g degC is there only the first time; add a ramp back to %.6g degC at the end",
-          profile.segments.back().to_degc, i, s.to_degc, profile.start_degc);
-      return notice(field.place() + text);
+      return notice(
+          field.place() +
+          format(
+              ": repeat: each further cycle starts where the last one ended, at %.6g degC: the ramp of segments[%zu] "
+              "to %.6g degC is there only the first time; add a ramp back to %.6g degC at the end",
+              profile.segments.back().to_degc, i, s.to_degc, profile.start_degc));
     }
     if (s.rate_degc_per_min != 0) temp_degc = s.to_degc;
   }

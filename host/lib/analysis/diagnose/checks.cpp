@@ -72,13 +72,7 @@ void require_distinct(const std::vector<const Log*>& logs, size_t n_fitted) {
                              ? b.path + ": held out, but the same data as " + a.path +
                                    ", which is fitted: take it out of --log or --holdout"
                              : b.path + ": the same data as " + a.path + ": give every log once");
-      const auto shared = shared_rows(a, b);
-      if (!shared) continue;
-      std::ostringstream text;
-      text << b.path << ": its rates from " << b.t_s[shared->second] << " s on are those of " << a.path << " from "
-           << a.t_s[shared->first]
-           << " s on: both hold a part of one record, which must not count twice; cut it off one of them";
-      throw data_error(text.str());
+      if (const std::string text = shared_rows_text(a, b); !text.empty()) throw data_error(text);
     }
 }
 

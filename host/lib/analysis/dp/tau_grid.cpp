@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <utility>
 
 #include "base/error.h"
+#include "base/format.h"
 #include "io/notice.h"
 
 namespace imucal {
@@ -43,10 +43,8 @@ void note_between_samples(const std::vector<double>& tau_s, double dt_s, const s
   for (const double t : tau_s) {
     const double taken_s = std::max(1.0, std::round(t / dt_s)) * dt_s;
     if (std::fabs(t - taken_s) <= kSameTau * dt_s || t < 0.5 * dt_s) continue;
-    char text[160];
-    std::snprintf(text, sizeof text, ": averaging times are whole samples of %.6g s: %.6g s is taken as %.6g s", dt_s,
-                  t, taken_s);
-    return notice(what + text);
+    return notice(what +
+                  format(": averaging times are whole samples of %.6g s: %.6g s is taken as %.6g s", dt_s, t, taken_s));
   }
 }
 

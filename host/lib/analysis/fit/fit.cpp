@@ -142,10 +142,12 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
                        " " + std::to_string(logs[0].dt_s()) + " s: decimate them to the same interval");
   }
   for (size_t i = 0; i < logs.size(); ++i)
-    for (size_t j = 0; j < i; ++j)
+    for (size_t j = 0; j < i; ++j) {
       if (same_rows(logs[i], logs[j]))
         throw data_error(logs[i].path + ": the same data as " + logs[j].path +
                          ": the predicted error would be too small; give every log once");
+      if (const std::string text = shared_rows_text(logs[j], logs[i]); !text.empty()) throw data_error(text);
+    }
 }
 
 // An axis has one place in a table, whatever it is called (gx, gx_dph) and in whatever units the log has it.

@@ -24,6 +24,16 @@ double metadata_number(const FitResult& result, const std::string& key, double f
   return value;
 }
 
+constexpr double kMostCounts = 0x7FFFFFFF;
+
+int32_t full_scale_counts(const FitResult& result, const std::string& axis) {
+  const std::string key = axis_stem(axis) + "_full_scale_counts";
+  const double counts = metadata_number(result, key, 32767);
+  if (!(counts >= 1 && counts <= kMostCounts) || counts != std::floor(counts))
+    throw data_error(result.logs[0] + ": # " + key + ": expected a whole number from 1 to 2147483647");
+  return static_cast<int32_t>(counts);
+}
+
 imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, const TableInfo& info) {
   imucal_table_channel_t channel{};
   if (imucal_text_set(channel.name, sizeof channel.name, axis.axis.c_str()) != IMUCAL_OK)
@@ -47,9 +57,8 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
   const bool is_gyro = !is_accelerometer(axis.axis);
   const std::optional<double> noted = count_scale(result.logs[0], result.metadata, axis.axis, is_gyro);
   channel.unit_per_count = static_cast<float>(info.unit_per_count.value_or(noted.value_or(is_gyro ? 18.0 : 1.0)));
-  const std::string full_scale = axis_stem(axis.axis) + "_full_scale_counts";
-  channel.full_scale_counts = static_cast<int32_t>(static_cast<double>(
-      info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, full_scale, 32767)))));
+  channel.full_scale_counts =
+      info.full_scale_counts ? static_cast<int32_t>(*info.full_scale_counts) : full_scale_counts(result, axis.axis);
   channel.n_seconds = static_cast<uint32_t>(std::llround(static_cast<double>(axis.n_used) * axis.dt_s));
   return channel;
 }
