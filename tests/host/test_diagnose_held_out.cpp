@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Held-out logs are logs of a real sensor too: what happens in them alone is told, and changes nothing of what is named.
 #include "analysis/diagnose/stages/gap.h"
+#include "analysis/diagnose/stages/own_jumps.h"
 #include "analysis/diagnose/stages/seconds_noise.h"
 #include "diagnose_logs.h"
 
@@ -204,6 +205,38 @@ static void test_a_loud_held_out_log_is_told(void**) {
     assert_int_equal(said.stronger_noise.size(), 1);
     assert_int_equal(said.stronger_noise[0].log, 0);
     assert_near(said.stronger_noise[0].times, 2, 0.2);
+  }
+}
+
+// Of few rows a strength is known to a fifth: of devices whose noise never changes, held-out logs of ten minutes are not louder.
+static void test_short_held_out_logs_of_the_same_noise_are_not_loud(void**) {
+  size_t n_loud = 0;
+  for (uint64_t seed = 0; seed < 12; ++seed) {
+    std::vector<Log> logs, unseen;
+    for (uint64_t k = 0; k < 2; ++k) logs.push_back(simulated_log(8000 + 20 * seed + k, 6000, false, 0));
+    for (uint64_t k = 2; k < 10; ++k) unseen.push_back(simulated_log(8000 + 20 * seed + k, 600, false, 0));
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    n_loud += diagnose_logs(options, nominal_model(), logs, unseen).axes.at(0).study.selection.stronger_noise.size();
+  }
+  assert_true(n_loud <= 1); // 96 logs, of which 1 in 1000
+}
+// The rate that is stated, by draws; and noise of twice the strength is seen in a quarter of an hour.
+static void test_a_log_seldom_is_loud_by_chance(void**) {
+  constexpr int kDraws = 20000;
+  Rng rng(41, 0, 0, Stream::kTool);
+  for (const long n : {30L, 60L, 100L, 400L}) {
+    int by_chance = 0, twice = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      Eigen::VectorXd e(n);
+      for (long k = 0; k < n; ++k) e[k] = rng.normal();
+      const double strength = strength_of_innovations(e);
+      const double fitted = std::exp(rng.normal() / std::sqrt(2.0 * 400));
+      by_chance += is_clearly_stronger(strength / fitted, static_cast<size_t>(n), 400) ? 1 : 0;
+      twice += is_clearly_stronger(2 * strength / fitted, static_cast<size_t>(n), 400) ? 1 : 0;
+    }
+    if (!(by_chance < 0.0015 * kDraws)) fail_msg("%ld rows: %d of %d", n, by_chance, kDraws);
+    if (n >= 100 && !(twice > 0.9 * kDraws)) fail_msg("%ld rows: twice as strong in %d of %d", n, twice, kDraws);
   }
 }
 
@@ -437,6 +470,8 @@ int main() {
       cmocka_unit_test(test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs),
       cmocka_unit_test(test_a_jump_beside_white_noise_is_told),
       cmocka_unit_test(test_a_loud_held_out_log_is_told),
+      cmocka_unit_test(test_short_held_out_logs_of_the_same_noise_are_not_loud),
+      cmocka_unit_test(test_a_log_seldom_is_loud_by_chance),
       cmocka_unit_test(test_a_jump_beside_one_at_a_temperature),
       cmocka_unit_test(test_a_jump_beside_one_of_a_fitted_log),
       cmocka_unit_test(test_bursts_of_a_held_out_log_are_a_gap),
