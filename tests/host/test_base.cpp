@@ -111,6 +111,10 @@ static void test_quantiles_are_those_of_the_tables(void**) {
   assert_relative(student_quantile(0.975, 120), 1.979930405052777, 1e-10);
   assert_relative(beta_quantile(0.025, 3, 8), 0.0667395111777345, 1e-12);
   assert_relative(beta_quantile(0.975, 4, 7), 0.6524528500599972, 1e-12);
+  assert_relative(f_quantile(0.95, 5, 10), 3.3258345304130111, 1e-10);
+  assert_relative(f_quantile(0.975, 1, 12), std::pow(student_quantile(0.9875, 12), 2), 1e-10);
+  assert_relative(f_quantile(0.999, 7, 1e300), chi2_quantile(0.999, 7) / 7, 1e-12);
+  assert_relative(f_quantile(0.9, 9, 1e6), f_quantile(0.9, 9, 0.999e6), 1e-4);
   const Interval interval = rms_interval(2, 10);
   assert_relative(interval.lo, 2 * std::sqrt(10 / 20.483177350807388), 1e-12);
   assert_relative(interval.hi, 2 * std::sqrt(10 / 3.246972780236842), 1e-12);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Held-out logs are logs of a real sensor too: what happens in them alone is told, and changes nothing of what is named.
+#include "analysis/diagnose/evidence/kalman.h"
 #include "analysis/diagnose/stages/gap.h"
 #include "analysis/diagnose/stages/own_jumps.h"
 #include "analysis/diagnose/stages/seconds_noise.h"
@@ -372,22 +373,170 @@ static void test_an_extrapolated_polynomial_is_no_noise_of_held_out_logs(void**)
   }
 }
 
+static double mean_square_of(int n, Rng* rng) {
+  double sum = 0;
+  for (int i = 0; i < n; ++i) sum += std::pow(rng->normal(), 2);
+  return sum / n;
+}
+// Held-out minutes of so many free values, and fitted ones (0: the noise is known).
+static GapResult gap_of_values(double after2, double noise2, int held, int fitted) {
+  GapResult gap;
+  gap.minutes.rms_after_dph = std::sqrt(after2), gap.minutes.noise_rms_dph = std::sqrt(noise2);
+  gap.minutes.noise_error_dph = 0.5 * std::sqrt(2.0 / held) * gap.minutes.noise_rms_dph;
+  gap.minutes.per_hour_fitted = fitted > 0 ? static_cast<double>(held) / fitted : 0;
+  return gap;
+}
+// However few the free values are, the minutes exceed the noise by chance in 1 of 740, as is stated.
+static void test_few_values_exceed_the_noise_at_the_stated_rate(void**) {
+  constexpr int kDraws = 100000;
+  Rng rng(32, 0, 0, Stream::kTool);
+  for (const auto& [held, fitted] : {std::pair{3, 0}, {3, 12}, {8, 0}, {8, 8}, {60, 200}}) {
+    int n = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      const double held2 = mean_square_of(held, &rng), fitted2 = fitted > 0 ? mean_square_of(fitted, &rng) : 1;
+      n += gap_of_values(held2, fitted2, held, fitted).minutes.exceed_noise({}) ? 1 : 0;
+    }
+    if (n < 90 || n > 185) fail_msg("%d and %d values: %d of %d", held, fitted, n, kDraws); // 135, four deviations
+  }
+}
+// Minutes of draws are those that are worked out where the noise is the same throughout; where it follows the temperature they are those
+// of the noise that it is there.
+static void test_minutes_of_drawn_noise(void**) {
+  const Campaign campaign =
+      block_means(make_campaign({simulated_log(5, 6000, false, 0)}, "gx_dph", nominal_model()), 10);
+  HeldOutUnit unit;
+  unit.run = campaign.runs[0], unit.left = Eigen::VectorXd::Zero(static_cast<long>(unit.run.n()));
+  unit.run.own_strength = 1.5;
+  NoiseModel noise = block_equivalent(nominal_hypothesis().base_noise, 10);
+  const MinutesOfNoise drawn = drawn_minutes({unit}, noise, 10);
+  Minutes whole;
+  whole.n = 100, whole.strength = 1.5;
+  const double expected = noise_of_all(nominal_hypothesis().base_noise, 60, {whole}),
+               error = error_of_minutes(nominal_hypothesis().base_noise, 60, {whole});
+  assert_near(drawn.ms_dph2, expected, 0.05 * expected);
+  assert_near(drawn.ms_error_dph2, error, 0.2 * error);
+  for (double& tn : unit.run.input.tn) tn = 1;
+  noise.markov_slope = std::log(9.0);
+  NoiseModel three_times = nominal_hypothesis().base_noise;
+  three_times.markov[0].sigma_dph *= 3;
+  const double loud = noise_of_all(three_times, 60, {whole});
+  assert_near(drawn_minutes({unit}, noise, 10).ms_dph2, loud, 0.06 * loud);
+}
+// Of a right change the minutes speak against it by more than 2.33 deviations in 1 of 100; of one that is turned round they do so.
+static void test_minutes_seldom_speak_against_a_right_change(void**) {
+  const Campaign campaign =
+      block_means(make_campaign({simulated_log(5, 3000, false, 0)}, "gx_dph", nominal_model()), 10);
+  const NoiseModel noise = block_equivalent(nominal_hypothesis().base_noise, 10);
+  const RunGains gains = compute_gains(campaign.runs[0], noise);
+  const long n = static_cast<long>(campaign.runs[0].n());
+  HeldOutUnit unit;
+  unit.run = campaign.runs[0], unit.left.resize(n), unit.change.resize(n);
+  unit.fitted = Eigen::MatrixXd::Ones(n, 1), unit.covariance = Eigen::MatrixXd::Constant(1, 1, 25);
+  for (long k = 0; k < n; ++k) {
+    unit.change[k] = std::sin(0.03 * static_cast<double>(k));
+    unit.fitted(k, 0) = std::sin(0.04 * static_cast<double>(k));
+  }
+  constexpr int kDraws = 1500;
+  int right = 0, turned = 0, grows = 0;
+  for (int i = 0; i < kDraws; ++i) {
+    Rng rng(51, static_cast<uint64_t>(i), 0, Stream::kTool);
+    for (long k = 0; k < n; ++k) unit.left[k] = rng.normal();
+    colour(gains, unit.left.data(), static_cast<size_t>(n));
+    unit.left += 5 * rng.normal() * unit.fitted.col(0);
+    const Growth of_right = growth_of_minutes({unit}, noise, 10);
+    right += of_right.errors > 2.33 ? 1 : 0, grows += of_right.times > 1 ? 1 : 0;
+    HeldOutUnit other = unit;
+    other.change *= 40, other.left -= 2 * other.change; // the rates hold the contrary
+    turned += growth_of_minutes({other}, noise, 10).errors > 2.33 ? 1 : 0;
+  }
+  if (right < 3 || right > 30) fail_msg("%d of %d", right, kDraws); // 15 and four deviations
+  assert_true(grows > kDraws / 4 && turned > 0.99 * kDraws);
+}
+
+// Rates of the noise of simulated_log, whose slow part is `times` as strong at a temperature.
+static Log log_of_slow_noise(uint64_t seed, size_t seconds, const std::function<double(double)>& times) {
+  Log log = simulated_log(seed, seconds, false, 0);
+  Rng rng(seed, 7, 0, Stream::kTool);
+  double slow = 20 * rng.normal();
+  for (size_t i = 0; i < log.size(); ++i) {
+    slow = std::exp(-0.01) * slow + 20 * std::sqrt(1 - std::exp(-0.02)) * rng.normal();
+    log.axes[0].rate_dph[i] = bias_dph(log.temp_degc[i]) + times(log.temp_degc[i]) * slow + 36 * rng.normal();
+  }
+  return log;
+}
+// Slow noise that is a multiple at one end of the temperatures: what is expected of the held-out minutes is what they leave, and how far
+// that scatters is known.
+static void test_noise_that_follows_the_temperature_leaves_what_is_expected(void**) {
+  const auto times = [](double temp_degc) { return std::exp(0.8 * (temp_degc - 30) / 30); };
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 6; ++k) (k < 4 ? logs : unseen).push_back(log_of_slow_noise(8500 + k, 6000, times));
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  const DiagnoseResult result = diagnose_logs(options, nominal_model(), logs, unseen);
+  const AxisStudy& study = result.axes.at(0).study;
+  assert_true(names_of(study.selection).count("markov_sigma_vs_temperature") == 1);
+  const MinutesLeft& minutes = study.gap.minutes;
+  assert_true(minutes.noise_error_dph > 0 && minutes.noise_error_dph < 0.3 * minutes.noise_rms_dph);
+  assert_near(minutes.rms_after_dph, minutes.noise_rms_dph, 3 * minutes.noise_error_dph);
+  assert_true(study.selection.verdict == Verdict::kExplained);
+}
+// A noise is all that is named, and held-out logs leave a third more than it would: it does not explain them.
+static void test_noise_alone_is_held_against_held_out_minutes(void**) {
+  for (const double louder : {1.0, 1.4}) {
+    std::vector<Log> logs, unseen;
+    for (uint64_t k = 0; k < 12; ++k)
+      (k < 6 ? logs : unseen).push_back(log_of_slow_noise(8600 + k, 6000, [&](double) { return k < 6 ? 1 : louder; }));
+    ErrorModel quiet = nominal_model();
+    quiet.markov[0].sigma_dph = 12;
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const DiagnoseResult result = diagnose_logs(options, quiet, logs, unseen);
+    const AxisStudy& study = result.axes.at(0).study;
+    const double times = study.gap.minutes.times_expected();
+    assert_false(study.selection.effects.empty());
+    assert_true(!study.gap.has_mean && study.selection.stronger_noise.empty());
+    if (louder > 1 && (times < 1.25 || times > 1.4)) fail_msg("%g times", times);
+    assert_true(study.selection.verdict == (louder > 1 ? Verdict::kPartlyExplained : Verdict::kExplained));
+    assert_true(study.selection.leaves_mean == (louder > 1));
+  }
+}
+
+// The bias jumps where the temperature turns, as the name says; but in the held-out log it lies on the other side before and after.
+// Beside slow noise the likelihood gains by the jump, and the minutes speak against the name.
+static void test_a_name_that_makes_the_minutes_worse_goes(void**) {
+  const auto log_of = [](uint64_t seed, double hump_dph) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 8, 0, Stream::kTool);
+    double slow = 60 * rng.normal();
+    for (size_t i = 0; i < log.size(); ++i) {
+      slow = std::exp(-1.0 / 3000) * slow + 60 * std::sqrt(-std::expm1(-2.0 / 3000)) * rng.normal();
+      const double hump = std::pow(std::sin(M_PI * static_cast<double>(i) / 3000), 2), side = i < 3000 ? 1 : -1;
+      log.axes[0].rate_dph[i] = bias_dph(log.temp_degc[i]) + slow + 36 * rng.normal() + side * (45 - hump_dph * hump);
+    }
+    return log;
+  };
+  for (const double hump_dph : {0.0, 200.0}) {
+    std::vector<Log> logs, unseen;
+    for (uint64_t k = 0; k < 4; ++k) (k < 3 ? logs : unseen).push_back(log_of(8900 + k, k < 3 ? 0 : hump_dph));
+    ErrorModel model = nominal_model();
+    model.markov = {{60, 3000}};
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const DiagnoseResult result = diagnose_logs(options, model, logs, unseen);
+    const Selection& said = result.axes.at(0).study.selection;
+    if (hump_dph == 0) assert_true(names_of(said).count("temperature_rate") == 1);
+    if (hump_dph > 0) assert_true(said.effects.empty() && said.verdict == Verdict::kUnexplained);
+  }
+}
+
 // Mean squares of 16 free values of held-out logs and 24 of the fitted ones, which told the noise: by chance the first exceeds the
 // second in less than four of a thousand, and a residual of twice the noise does exceed it.
 static void test_few_minutes_seldom_exceed_the_noise_that_few_others_told(void**) {
   constexpr int kHeld = 16, kFitted = 24, kDraws = 20000;
   Rng rng(31, 0, 0, Stream::kTool);
-  const auto mean_square = [&](int n) {
-    double sum = 0;
-    for (int i = 0; i < n; ++i) sum += std::pow(rng.normal(), 2);
-    return sum / n;
-  };
-  const auto exceeds = [](double after2, double noise2, double hours_fitted) {
-    GapResult gap;
-    gap.minutes.rms_after_dph = std::sqrt(after2), gap.minutes.noise_rms_dph = std::sqrt(noise2);
-    gap.minutes.noise_error_dph = 0.5 * std::sqrt(2.0 / kHeld) * gap.minutes.noise_rms_dph;
-    gap.minutes.per_hour_fitted = hours_fitted > 0 ? kHeld / hours_fitted : 0;
-    return gap.minutes.exceed_noise({});
+  const auto mean_square = [&](int n) { return mean_square_of(n, &rng); };
+  const auto exceeds = [](double after2, double noise2, int fitted) {
+    return gap_of_values(after2, noise2, kHeld, fitted).minutes.exceed_noise({});
   };
   int estimated = 0, known = 0;
   for (int i = 0; i < kDraws; ++i) {
@@ -457,6 +606,12 @@ int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_what_jumps_in_time_gain_is_not_that_of_slow_noise),
       cmocka_unit_test(test_what_the_polynomial_of_one_log_leaves_in_another_is_expected),
+      cmocka_unit_test(test_a_name_that_makes_the_minutes_worse_goes),
+      cmocka_unit_test(test_few_values_exceed_the_noise_at_the_stated_rate),
+      cmocka_unit_test(test_minutes_of_drawn_noise),
+      cmocka_unit_test(test_minutes_seldom_speak_against_a_right_change),
+      cmocka_unit_test(test_noise_that_follows_the_temperature_leaves_what_is_expected),
+      cmocka_unit_test(test_noise_alone_is_held_against_held_out_minutes),
       cmocka_unit_test(test_few_minutes_seldom_exceed_the_noise_that_few_others_told),
       cmocka_unit_test(test_an_extrapolated_polynomial_is_no_noise_of_held_out_logs),
       cmocka_unit_test(test_a_clean_held_out_log_leaves_nothing),

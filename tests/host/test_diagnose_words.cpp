@@ -453,6 +453,34 @@ static void test_the_residuals_agree_with_what_is_told_of_them(void**) {
   assert_has(text(), "466.1 -> 160.0 dph, noise alone 63.8, errors of the fit 150.0\n");
 }
 
+// A noise that leaves more than its mean figure says whether so many logs do so by chance.
+static void test_what_a_noise_leaves_is_told_with_its_scatter(void**) {
+  GapResult gap;
+  gap.minutes.rms_before_dph = gap.minutes.rms_after_dph = 110.6, gap.minutes.noise_rms_dph = 80;
+  gap.minutes.believed_rms_dph = 80, gap.minutes.noise_error_dph = 0.5 * 80 * std::sqrt(2.0 / 20);
+  const auto text = [&] { return said(Verdict::kExplained, {effect_of("flicker_noise", 20)}, {}, gap); };
+  assert_has(text(),
+             "these logs show 110.6; with the noise that was found 80.0 is expected, 55.4 to 104.6 in 95 of 100 such "
+             "logs\n"); // chi2 of 20: 9.591, 34.170
+  gap.minutes.fit_ms_dph2 = 60 * 60;
+  assert_has(text(), "with the noise that was found and errors of the fit 100.0 is expected, ");
+  gap.minutes.noise_error_dph = std::nan("");
+  assert_has(text(), "and errors of the fit 100.0 is expected\n");
+}
+// Where the polynomial beside slow noise is what is off, that is said of it, and not of what is named.
+static void test_a_name_is_not_blamed_for_the_polynomial_beside_it(void**) {
+  GapResult gap = gap_of(0.1, -0.9, 0.9);
+  gap.minutes.rms_before_dph = 17, gap.minutes.rms_after_dph = 21;
+  const auto text = [&] { return said(Verdict::kPartlyExplained, {effect_of("thermal_lag", 20)}, {}, gap); };
+  gap.foretold.growth = {{0.93, 0}};
+  assert_has(text(), "the predicted mean is further from the held-out rates than before, as far as their noise tells");
+  gap.minutes.is_before_least_squares = true;
+  assert_has(text(), "what is named brings that one nearer");
+  assert_lacks(text(), "further from");
+  gap.foretold.growth = {{1.05, 1}};
+  assert_has(text(), "the predicted mean is further from the held-out rates than before, as far as their noise tells");
+}
+
 // Logs at other temperatures than all others, each held out in turn: an extrapolated polynomial is off by anything.
 static void test_an_extrapolated_residual_is_not_told(void**) {
   GapResult far = gap_of(0.5, 0.4, 0.6);
@@ -633,6 +661,8 @@ int main() {
       cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),
       cmocka_unit_test(test_names_that_were_rejected_are_told_apart_from_free_shapes),
       cmocka_unit_test(test_an_extrapolated_residual_is_not_told),
+      cmocka_unit_test(test_what_a_noise_leaves_is_told_with_its_scatter),
+      cmocka_unit_test(test_a_name_is_not_blamed_for_the_polynomial_beside_it),
       cmocka_unit_test(test_shared_noise_beside_a_gap_is_no_open_family),
       cmocka_unit_test(test_a_gap_within_a_minute_is_said_to_be),
       cmocka_unit_test(test_it_is_said_why_there_is_no_figure),

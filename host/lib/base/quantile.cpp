@@ -36,6 +36,14 @@ double student_quantile(double p, double dof) {
   return std::sqrt(dof * (1 / x - 1));
 }
 
+double f_quantile(double p, double dof_above, double dof_below) {
+  constexpr double kMostDof = 1e6;
+  if (dof_above > kMostDof) dof_above = kMostDof;
+  if (!(dof_below < kMostDof)) return chi2_quantile(p, dof_above) / dof_above;
+  const double x = beta_quantile(p, 0.5 * dof_above, 0.5 * dof_below);
+  return dof_below * x / (dof_above * (1 - x));
+}
+
 Interval rms_interval(double rms, double dof, double confidence) {
   const double tail = 0.5 * (1 - confidence);
   return {rms * std::sqrt(dof / chi2_quantile(1 - tail, dof)), rms * std::sqrt(dof / chi2_quantile(tail, dof))};

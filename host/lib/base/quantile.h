@@ -12,6 +12,8 @@ double chi2_quantile(double p, double dof);
 // Clopper and Pearson's interval of a proportion is made of these: k of n, beta_quantile(p, k, n - k + 1).
 double beta_quantile(double p, double a, double b);
 double student_quantile(double p, double dof); // p > 0.5
+// Of the ratio of two mean squares, Fisher's F; more than a million degrees of freedom are as many as there can be.
+double f_quantile(double p, double dof_above, double dof_below);
 
 // Interval for a true rms from a measured rms with `dof` equivalent degrees of freedom:
 // rms * [sqrt(dof / chi2(hi)), sqrt(dof / chi2(lo))].

@@ -12,11 +12,11 @@
 namespace imucal {
 namespace {
 
-constexpr double kNearlyAll = 0.95;    // a shrinkage that surely stays below leaves something
-constexpr double kScaleEnd = -0.995;   // a shrinkage is not told below -100 %
-constexpr double kMoreThanNoise = 1.2; // times: worth a word
-constexpr double kOtherFigure = 0.05;  // of a shrinkage
+constexpr double kNearlyAll = 0.95;   // a shrinkage that surely stays below leaves something
+constexpr double kScaleEnd = -0.995;  // a shrinkage is not told below -100 %
+constexpr double kOtherFigure = 0.05; // of a shrinkage
 constexpr double kMuchOfGap = 0.5, kHardlyLess = 0.95;
+constexpr double kSeldom = 0.025; // of such logs, on either side
 
 template <typename Is> bool finds(const Selection& s, const Is& is) {
   return std::any_of(s.effects.begin(), s.effects.end(), is);
@@ -88,6 +88,23 @@ bool stands_for(const SelectedEffect& e, Rest test) {
 
 } // namespace
 
+namespace {
+
+// Of minutes that lie further from the predicted mean than before: by what is named, or by the polynomial beside slow noise, which was
+// bent by that.
+std::string further_text(const GapResult& g) {
+  const std::vector<Growth>& by_name = g.foretold.growth;
+  const bool is_nearer = !by_name.empty() && std::all_of(by_name.begin(), by_name.end(),
+                                                         [](const Growth& growth) { return growth.times < 1; });
+  if (is_nearer && g.minutes.is_before_least_squares)
+    return "a polynomial of least squares alone is nearer to the held-out rates, since slow noise bends the one beside "
+           "it; what is named brings that one nearer";
+  return std::string("the predicted mean is further from the held-out rates than before") +
+         (g.has_figure() ? "" : ", as far as their noise tells");
+}
+
+} // namespace
+
 // What is left, in sentences.
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -123,8 +140,7 @@ std::string remainder(const AxisResult& axis) {
     else if (e.doubt == Doubt::kLoopOpen)
       add("what the states in which the runs began belong to is open: " + family_label(e.family));
   if (g.has_mean && g.minutes.has_residual() && g.minutes.rms_after_dph > 1.1 * g.minutes.rms_before_dph)
-    add(std::string("the predicted mean is further from the held-out rates than before") +
-        (g.has_figure() ? "" : ", as far as their noise tells"));
+    add(further_text(g));
   for (const Selection::Strength& noise : s.stronger_noise)
     add(format("the noise of held-out log %d is %.1f times as strong as that of the fitted logs", noise.log + 1,
                noise.times));
@@ -209,15 +225,26 @@ std::string shown_by_means(const GapResult& g) {
   return format(" (%.0f %% %s above the noise)", 100 * std::fabs(shown), shown < 0 ? "more" : "less");
 }
 
+// What the noise that was found leaves, and how far that scatters in logs that are so short.
+std::string found_noise_text(const AxisResult& axis) {
+  const MinutesLeft& minutes = axis.study.gap.minutes;
+  const double expected_dph = std::sqrt(minutes.expected_ms_dph2());
+  const auto of_chance = [&](double p) {
+    return figure(expected_dph * std::sqrt(minutes.times_square_by_chance(p)), axis);
+  };
+  std::string out = std::string(has_errors_of_fit(axis.study.gap) ? "and errors of the fit " : "") +
+                    figure(expected_dph, axis) + " is expected";
+  if (std::isnan(minutes.times_square_by_chance(0.5))) return out;
+  return out + ", " + of_chance(kSeldom) + " to " + of_chance(1 - kSeldom) + " in 95 of 100 such logs";
+}
 // Slow noise that was found beside the noise that was believed.
 std::string noise_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
   if (g.has_mean || !finds(axis.study.selection, is_slow_noise)) return "";
-  return format("%s: %s would leave %s %s, these logs show %s; with the noise that was found %s is expected",
-                means_text(g).c_str(),
+  return format("%s: %s would leave %s %s, these logs show %s; with the noise that was found %s", means_text(g).c_str(),
                 axis.is_believed ? "the believed noise" : "the noise that was estimated without a cause",
                 figure(g.minutes.believed_rms_dph, axis).c_str(), axis_unit(axis.axis),
-                figure(g.minutes.rms_before_dph, axis).c_str(), figure(g.minutes.noise_rms_dph, axis).c_str());
+                figure(g.minutes.rms_after_dph, axis).c_str(), found_noise_text(axis).c_str());
 }
 
 } // namespace

@@ -168,13 +168,23 @@ private:
     gap.minutes.believed_rms_dph =
         gap.minutes.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
     gap.is_of_starts = are_only_starts();
-    out_.leaves_mean = gap.minutes.leave_mean(constants()), out_.exceeds_noise = gap.minutes.exceed_noise(constants());
+    out_.exceeds_noise = gap.minutes.exceed_noise(constants());
+    // Of a noise nothing but its own scatter may be left.
+    out_.leaves_mean = gap.minutes.leave_mean(constants()) ||
+                       (tells_noise_alone() && out_.exceeds_noise && gap.minutes.times_expected() > kMoreThanNoise);
     gap.hold_what_minutes_show();
     if (has_names_of_seconds(out_.effects)) {
       gap.gain_of_seconds_by_unit = gain_of_seconds(campaign_, held_out_, out_.nominal, out_.final);
       gap.gain_mean_s = campaign_.dt_s;
     }
     out_.verdict = verdict_of(told(), left());
+  }
+  bool tells_mean() const { return found_.slow.gap.has_mean || !found_.slow.found.best.steps.empty(); }
+  bool tells_noise_alone() const {
+    const auto is_noise = [](const SelectedEffect& e) {
+      return e.term.estimator && e.term.estimator->form() == Form::kNoise;
+    };
+    return !tells_mean() && std::any_of(out_.effects.begin(), out_.effects.end(), is_noise);
   }
   // Whether all that is named in the mean is a memory of which the logs show how the runs began, and no more.
   bool are_only_starts() const {
@@ -299,14 +309,13 @@ private:
   Left left() const {
     const GapResult& gap = found_.slow.gap;
     const MinutesLeft& minutes = gap.minutes;
-    const bool tells_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
     Left left;
     left.finding = fires(out_.after) || fires(out_.unseen) || !out_.own_jumps.empty() || !out_.stronger_noise.empty() ||
                    leaves_names(out_.dropped);
     left.shape = !out_.remainders.empty();
     left.minutes = out_.leaves_mean;
     left.are_of_one_passage = gap.method == HeldOut::kQuarters;
-    left.growth = tells_mean && minutes.has_residual() &&
+    left.growth = tells_mean() && minutes.has_residual() &&
                   minutes.rms_after_dph > (1 + constants().growth_part) * minutes.rms_before_dph;
     left.part = leaves_part(gap);
     return left;

@@ -307,12 +307,12 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
   const NoiseModel noise = gaussian_equivalent(search.seconds_noise_of(final));
   out->noise_rms_dph = out->rms_of_noise_dph(noise);
   set_errors_of_fit(units, dt_s, out);
-  // Noise that follows the temperature is another at every minute: nothing is known of how far its sum scatters.
-  const bool is_known = !final.noise_effect || !final.noise_effect->estimator()->needs_temperature();
-  out->noise_error_dph = !is_known ? std::nan("")
-                         : out->noise_rms_dph > 0
-                             ? 0.5 * error_of_minutes(noise, out->minute_s, after) / out->noise_rms_dph
-                             : 0;
+  double error_dph2 = error_of_minutes(noise, out->minute_s, after);
+  if (!noise.is_stationary()) { // another at every minute
+    const MinutesOfNoise drawn = drawn_minutes(units, search.noise_of(final), dt_s);
+    out->noise_rms_dph = std::sqrt(drawn.ms_dph2), error_dph2 = drawn.ms_error_dph2;
+  }
+  out->noise_error_dph = out->noise_rms_dph > 0 ? 0.5 * error_dph2 / out->noise_rms_dph : 0;
 }
 
 UnitMinutes unit_minutes(const HeldOutUnit& unit, double dt_s) {
@@ -417,6 +417,13 @@ struct Measurement {
   }
 };
 
+// Of the minutes of logs by the answer, over what a lesser one leaves.
+Growth growth_by(const Measurement& m, const Prediction& less) {
+  if (m.splits.empty()) return {};
+  const std::vector<HeldOutUnit> units = held_out_units(m.training, m.splits, less, m.after, true);
+  return growth_of_minutes(units, m.search.noise_of(m.final), m.campaign.dt_s);
+}
+
 // What each name is worth to the held-out data, and to data just as they are predicted.
 void set_support(const Measurement& m, Foretold* out) {
   const std::vector<Split> ideal = as_predicted(m.splits, m.after);
@@ -432,6 +439,7 @@ void set_support(const Measurement& m, Foretold* out) {
     less.names[i].is_start_only = true; // what is free in every run predicts none
     out->beyond_start.push_back(support(less));
     out->at_all.push_back(support(m.final.without(i)));
+    out->growth.push_back(growth_by(m, m.predict(m.final.without(i))));
   }
 }
 
@@ -455,8 +463,8 @@ void set_figures(const Measurement& m, GapResult* out) {
   // fourth by itself.
   const SlowModel white = with_white_noise(null);
   const Prediction plain = m.splits.empty() ? fitted_quarters(m.search, m.training, white) : m.predict(white);
-  if (rms_less(plain) < kClearlyLess * rms_less(before))
-    units = held_out_units(m.training, m.splits, plain, after, only_within);
+  out->minutes.is_before_least_squares = rms_less(plain) < kClearlyLess * rms_less(before);
+  if (out->minutes.is_before_least_squares) units = held_out_units(m.training, m.splits, plain, after, only_within);
   set_residuals(m.search, m.final, units, m.campaign.dt_s, &out->minutes);
   for (const HeldOutUnit& unit : units) out->units.push_back(unit_minutes(unit, m.campaign.dt_s));
   if (leaves_chance)

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/quantile.h"
+
 namespace imucal {
 
 double MinutesLeft::rms_of_noise_dph(const NoiseModel& noise) const {
@@ -25,12 +27,16 @@ double MinutesLeft::errors_above_noise() const {
   const double excess = ms_after_dph2(true) - noise_rms_dph * noise_rms_dph;
   return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0;
 }
+double MinutesLeft::times_square_by_chance(double p) const {
+  const double noise_ms_error_dph2 = 2 * noise_rms_dph * noise_error_dph;
+  const auto dof = [&](double error_dph2) { return 2 * std::pow(expected_ms_dph2() / error_dph2, 2); };
+  const double above = dof(std::hypot(noise_ms_error_dph2, fit_ms_error_dph2));
+  if (std::isnan(above)) return above;
+  return f_quantile(p, above, dof(noise_ms_error_dph2 * std::sqrt(per_hour_fitted)));
+}
 bool MinutesLeft::exceed_noise(const SelectorConstants& constants) const {
   if (!has_residual()) return false;
-  const double noise_ms_error_dph2 = 2 * noise_rms_dph * noise_error_dph;
-  const double error_dph2 = std::hypot(noise_ms_error_dph2 * std::sqrt(1 + per_hour_fitted), fit_ms_error_dph2);
-  const double excess = 2 * std::log(times_expected());
-  return excess > 0 && excess > constants.noise_errors * error_dph2 / expected_ms_dph2();
+  return std::pow(times_expected(), 2) > times_square_by_chance(normal_cdf(constants.noise_errors));
 }
 bool MinutesLeft::leave_mean(const SelectorConstants& constants) const {
   return exceed_noise(constants) && times_expected() > constants.noise_times;

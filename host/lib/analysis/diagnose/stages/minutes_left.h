@@ -8,6 +8,8 @@
 
 namespace imucal {
 
+constexpr double kMoreThanNoise = 1.2; // times what is expected: worth a word, and of noise alone no explanation
+
 // Means over a minute (minutes.h), each unit about its mean; rms in dph.
 struct MinutesLeft {
   double minute_s = 60;   // length of a mean
@@ -16,6 +18,7 @@ struct MinutesLeft {
   bool has_residual() const { return part_within > 0; }
 
   double rms_before_dph = 0, rms_after_dph = 0;
+  bool is_before_least_squares = false; // "before" is a polynomial that no slow noise bends
   double run_to_run_rms_dph = 0; // of what is left: what an effect that differs from run to run by chance would take
   std::vector<Minutes> after;    // of the held-out units
   double ms_after_dph2(bool with_run_to_run) const;
@@ -39,9 +42,12 @@ struct MinutesLeft {
   double times_expected() const;
   // Of noise_rms_dph, by which the minutes exceed it; NaN: its error is not known.
   double errors_above_noise() const;
-  // More is left than is expected, beyond the scatter of noise and errors and, where the fitted logs told the noise, of what they
-  // told (the same per hour): the ratio of two such mean squares has an F distribution, its logarithm is nearly normal.  What is
-  // named as different from run to run is not missed.
+  // How many times the mean square that is expected is left, or less, in a part p of such logs, by the scatter of noise and errors
+  // and, where the fitted logs told the noise, of what they told (the same per hour): the ratio of two such mean squares has an F
+  // distribution, of as many degrees of freedom as its scatter has.  NaN: not known.
+  double times_square_by_chance(double p) const;
+  // More is left than that, but for as few logs as a normal number is beyond constants.noise_errors in.  What is named as different
+  // from run to run is not missed.
   bool exceed_noise(const SelectorConstants& constants) const;
   // So much more that the answer misses something of weight.
   bool leave_mean(const SelectorConstants& constants) const;
