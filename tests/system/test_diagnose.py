@@ -234,7 +234,8 @@ def test_what_a_noise_leaves_is_told_beside_what_was_believed(lab):
         assert not gap["has_mean"] and "a noise has no mean to predict" in gap["remainder"] and "does not shrink" not in lab.text
         told = [float(x) for x in re.findall(r"would leave ([\d.]+) dph, these logs show ([\d.]+); with the noise that was found ([\d.]+) is", lab.text)[0]]
         assert words in gap["statement"] and gap["statement"] in lab.text
-        assert told == pytest.approx([rms["believed_noise"], rms["before"], rms["noise"]], abs=0.06)
+        expected = math.hypot(rms["noise"], rms["errors_of_fit"])
+        assert told == pytest.approx([rms["believed_noise"], rms["after"], expected], abs=0.06)
     assert rms["believed_noise"] > 0
     axis = lab.run(lab.logs("walk", effects, n=4))["axes"][0]
     rms = axis["gap"]["residual_rms_dph"]
