@@ -399,8 +399,8 @@ static void test_few_values_exceed_the_noise_at_the_stated_rate(void**) {
     if (n < 90 || n > 185) fail_msg("%d and %d values: %d of %d", held, fitted, n, kDraws); // 135, four deviations
   }
 }
-// Minutes of draws are those that are worked out where the noise is the same throughout; where it follows the temperature they are those
-// of the noise that it is there.
+// Minutes of draws are those that are worked out where the noise is the same throughout; where it follows the temperature
+// they are those of the noise that it is there.
 static void test_minutes_of_drawn_noise(void**) {
   const Campaign campaign =
       block_means(make_campaign({simulated_log(5, 6000, false, 0)}, "gx_dph", nominal_model()), 10);
@@ -422,7 +422,8 @@ static void test_minutes_of_drawn_noise(void**) {
   const double loud = noise_of_all(three_times, 60, {whole});
   assert_near(drawn_minutes({unit}, noise, 10).ms_dph2, loud, 0.06 * loud);
 }
-// Of a right change the minutes speak against it by more than 2.33 deviations in 1 of 100; of one that is turned round they do so.
+// Of a right change the minutes speak against it by more than 2.33 deviations in 1 of 100; of one that is turned round they
+// do so.
 static void test_minutes_seldom_speak_against_a_right_change(void**) {
   const Campaign campaign =
       block_means(make_campaign({simulated_log(5, 3000, false, 0)}, "gx_dph", nominal_model()), 10);
@@ -464,8 +465,8 @@ static Log log_of_slow_noise(uint64_t seed, size_t seconds, const std::function<
   }
   return log;
 }
-// Slow noise that is a multiple at one end of the temperatures: what is expected of the held-out minutes is what they leave, and how far
-// that scatters is known.
+// Slow noise that is a multiple at one end of the temperatures: what is expected of the held-out minutes is what they leave,
+// and how far that scatters is known.
 static void test_noise_that_follows_the_temperature_leaves_what_is_expected(void**) {
   const auto times = [](double temp_degc) { return std::exp(0.8 * (temp_degc - 30) / 30); };
   std::vector<Log> logs, unseen;
@@ -501,8 +502,8 @@ static void test_noise_alone_is_held_against_held_out_minutes(void**) {
   }
 }
 
-// The bias jumps where the temperature turns, as the name says; but in the held-out log it lies on the other side before and after.
-// Beside slow noise the likelihood gains by the jump, and the minutes speak against the name.
+// The bias jumps where the temperature turns, as the name says; but in the held-out log it lies on the other side before and
+// after. Beside slow noise the likelihood gains by the jump, and the minutes speak against the name.
 static void test_a_name_that_makes_the_minutes_worse_goes(void**) {
   const auto log_of = [](uint64_t seed, double hump_dph) {
     Log log = simulated_log(seed, 6000, false, 0);

@@ -90,8 +90,8 @@ bool stands_for(const SelectedEffect& e, Rest test) {
 
 namespace {
 
-// Of minutes that lie further from the predicted mean than before: by what is named, or by the polynomial beside slow noise, which was
-// bent by that.
+// Of minutes that lie further from the predicted mean than before: by what is named, or by the polynomial beside slow noise,
+// which was bent by that.
 std::string further_text(const GapResult& g) {
   const std::vector<Growth>& by_name = g.foretold.growth;
   const bool is_nearer = !by_name.empty() && std::all_of(by_name.begin(), by_name.end(),

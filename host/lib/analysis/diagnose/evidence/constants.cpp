@@ -68,8 +68,9 @@ std::vector<SelectorConstant> of_selection() {
       {"growth_part", &C::growth_part, "growth of the held-out residual beyond which nothing is 'explained'",
        "rounding and the constant of a run", true},
       {"noise_errors", &C::noise_errors,
-       "standard errors of a normal number that is as seldom as a held-out residual which is more than noise and errors of the fit", "1 in 740",
-       false},
+       "standard errors of a normal number that is as seldom as a held-out residual which is more than noise and "
+       "errors of the fit",
+       "1 in 740", false},
       {"noise_times", &C::noise_times,
        "times noise and errors of the fit that the held-out residual is at most where a gap is 'explained', or is none",
        "170 right answers: 1.34 in 98 of 100 (development cases)", false},

@@ -42,12 +42,12 @@ struct MinutesLeft {
   double times_expected() const;
   // Of noise_rms_dph, by which the minutes exceed it; NaN: its error is not known.
   double errors_above_noise() const;
-  // How many times the mean square that is expected is left, or less, in a part p of such logs, by the scatter of noise and errors
-  // and, where the fitted logs told the noise, of what they told (the same per hour): the ratio of two such mean squares has an F
-  // distribution, of as many degrees of freedom as its scatter has.  NaN: not known.
+  // How many times the mean square that is expected is left, or less, in a part p of such logs, by the scatter of noise and
+  // errors and, where the fitted logs told the noise, of what they told (the same per hour): the ratio of two such mean
+  // squares has an F distribution, of as many degrees of freedom as its scatter has.  NaN: not known.
   double times_square_by_chance(double p) const;
-  // More is left than that, but for as few logs as a normal number is beyond constants.noise_errors in.  What is named as different
-  // from run to run is not missed.
+  // More is left than that, but for as few logs as a normal number is beyond constants.noise_errors in.  What is named as
+  // different from run to run is not missed.
   bool exceed_noise(const SelectorConstants& constants) const;
   // So much more that the answer misses something of weight.
   bool leave_mean(const SelectorConstants& constants) const;

@@ -25,8 +25,8 @@ constexpr size_t kPlaces = 16; // of a log where one is looked for, by each reac
 constexpr long kReaches[] = {1, 4, 16};
 constexpr double kStronger = 1.25;       // times: noise that is not that of the fitted logs
 constexpr double kStrongerErrors = 3.09; // beyond which it is no chance: 1 in 1000 logs
-// Standard deviations of the logarithm of a strength, times the root of the rows: by the median of differences (100 000 draws of 30 to
-// 800 rows: 1.28 to 1.30), and by the likelihood of a noise.
+// Standard deviations of the logarithm of a strength, times the root of the rows: by the median of differences (100 000
+// draws of 30 to 800 rows: 1.28 to 1.30), and by the likelihood of a noise.
 constexpr double kErrorOfMedian = 1.29, kErrorOfFit = 0.71;
 constexpr size_t kMostOwnJumps = 2;      // of one log
 constexpr double kFinestOfRow = 0.05;    // of a row

@@ -362,8 +362,8 @@ private:
     const Support& s = shows_own ? own : all;
     return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
   }
-  // Whether the minutes are further off by a name, and a right name would make them speak so clearly against it in 1 of 100 logs.  A
-  // likelihood beside slow noise may gain by what is fast in a name and hardly ask where the minutes lie.
+  // Whether the minutes are further off by a name, and a right name would make them speak so clearly against it in 1 of 100
+  // logs.  A likelihood beside slow noise may gain by what is fast in a name and hardly ask where the minutes lie.
   bool is_clearly_worse(const Growth& growth) const {
     return growth.times > 1 + constants().growth_part && growth.errors > constants().short_by_chance;
   }
