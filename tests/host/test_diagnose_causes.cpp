@@ -501,6 +501,31 @@ static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
   assert_true(names_of(same) == std::set<std::string>{"warm_up"} && !same.effects[0].is_of_starts);
 }
 
+// "From cold" is the start of the log that began coldest, not the mean of all; of logs that began alike it is what all tell.
+static void test_the_amplitude_of_a_warm_up_is_that_from_cold(void**) {
+  double squares = 0, n = 0;
+  for (const uint64_t seed : seeds_of(3, {103, 113, 123, 133, 143, 153}))
+    for (const bool is_mixed : {true, false}) {
+      size_t row = 0;
+      const auto warm = [&](double t, double) {
+        const double part = is_mixed ? std::array{0.2, 1.0, 0.0, 0.5}[row++ / 6000] : 1;
+        return 300 * part * std::exp(-t / 450);
+      };
+      const Selection said = answer_to(warm, seed, 0, true);
+      for (const SelectedEffect& effect : said.effects) {
+        if (effect.term.effect != &find_effect("warm_up")) continue;
+        const double z = (effect.term.coefficients.at(0) - 300) / effect.term.coefficient_errors.at(0);
+        squares += z * z, n += 1;
+        assert_true(std::fabs(z) < 3.5);
+        const std::vector<StartSizes::OfRun>& runs = effect.start_sizes.runs;
+        assert_int_equal(runs.size(), 4);
+        if (is_mixed) assert_true(runs[1].weight == 1 && runs[0].log == 0);
+        if (is_mixed) assert_near(runs[2].size.value, 0, 3.5 * runs[2].size.std_error);
+      }
+    }
+  assert_true(n >= 5 && squares / n < 3);
+}
+
 // A bump over temperature that is elsewhere in every log: the bump that comes nearest takes a part.
 static void test_what_surely_leaves_a_part_does_not_explain(void**) {
   const auto answer = [](double moves_degc, uint64_t seed) {
@@ -1097,6 +1122,54 @@ static void test_the_error_of_a_width_knows_of_other_tops(void**) {
   assert_true(n >= 4 && squares / n < 4);
 }
 
+// Logs that go one way: half of a triangle, up and down in turn, a loop of one play begun anywhere inside it.
+static std::vector<Log> one_way_logs(uint64_t seed, size_t n_logs, double amplitude_dph, double width_degc) {
+  std::vector<Log> logs;
+  Rng starts(seed, 9, 0, Stream::kTool);
+  for (size_t k = 0; k < n_logs; ++k) {
+    Log log = simulated_log(seed + k, 10000, false, 0);
+    const long first = k % 2 ? 5000 : 0;
+    const auto half = [&](std::vector<double>* all) {
+      *all = std::vector<double>(all->begin() + first, all->begin() + first + 5000);
+    };
+    half(&log.temp_degc), half(&log.axes[0].rate_dph);
+    log.t_s.resize(5000);
+    double play = log.temp_degc[0] + (2 * starts.uniform() - 1) * width_degc;
+    for (size_t i = 0; i < log.size(); ++i) {
+      play = std::clamp(play, log.temp_degc[i] - width_degc, log.temp_degc[i] + width_degc);
+      log.axes[0].rate_dph[i] += amplitude_dph * (play - log.temp_degc[i]) / width_degc;
+    }
+    logs.push_back(log);
+  }
+  return logs;
+}
+
+// They show the slope from one branch to the other and how far it goes, which is anything from nothing to twice the width.
+static void test_of_a_loop_in_logs_that_go_one_way_only_the_slope_is_told(void**) {
+  size_t n = 0, n_only = 0;
+  for (const uint64_t seed : {1301, 1311, 1321, 1331, 1341, 1351}) {
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const std::vector<Log> logs = one_way_logs(seed, 2, 400, 4);
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    for (const SelectedEffect& effect : said.effects) {
+      if (effect.term.effect != &find_effect("thermal_hysteresis")) continue;
+      ++n;
+      if (effect.only_ratio) {
+        ++n_only;
+        assert_near(effect.only_ratio->ratio.value, 100, 3.5 * effect.only_ratio->ratio.std_error);
+        assert_true(effect.only_ratio->least_shape < 4);
+        assert_false(std::isfinite(effect.term.shape_errors.at(0)));
+        assert_false(std::isfinite(effect.term.coefficient_errors.at(0)));
+      } else {
+        assert_near(effect.term.shape.at(0), 4, 3.5 * effect.term.shape_errors.at(0));
+        assert_near(effect.term.coefficients.at(0), 400, 3.5 * effect.term.coefficient_errors.at(0));
+      }
+    }
+  }
+  assert_true(n >= 4 && n_only >= 3);
+}
+
 // The slope of each log differs by chance: no other log foretells it.
 static AxisStudy study_of_slopes(double loop_dph) {
   const double slopes_dph[] = {60, -75, 40, -90, 80, -55};
@@ -1226,6 +1299,7 @@ int main() {
       cmocka_unit_test(test_what_is_said_of_an_answer_is_of_that_one),
       cmocka_unit_test(test_a_jump_in_time_is_found_beside_one_at_a_temperature),
       cmocka_unit_test(test_the_error_of_a_width_knows_of_other_tops),
+      cmocka_unit_test(test_of_a_loop_in_logs_that_go_one_way_only_the_slope_is_told),
       cmocka_unit_test(test_what_differs_from_run_to_run_is_not_foretold),
       cmocka_unit_test(test_what_differs_from_run_to_run_is_found_in_a_room),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
@@ -1237,6 +1311,7 @@ int main() {
       cmocka_unit_test(test_a_parameter_next_to_its_bound_is_no_value),
       cmocka_unit_test(test_what_changes_from_run_to_run_is_told_by_all_logs),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
+      cmocka_unit_test(test_the_amplitude_of_a_warm_up_is_that_from_cold),
       cmocka_unit_test(test_what_surely_leaves_a_part_does_not_explain),
       cmocka_unit_test(test_a_weak_name_is_held_against_another_kind_of_slow_noise),
       cmocka_unit_test(test_a_jump_that_is_seen_beside_a_loop_alone_goes_with_it),

@@ -370,6 +370,14 @@ static void test_a_named_cause_is_followed_by_the_hardware_to_look_at(void**) {
   loop.term.fixed_parameters = {{"amplitude_dph", Measured{30, 2}}};
   assert_has(said(Verdict::kExplained, {loop}, {}),
              "the branch of falling temperature is higher, by up to 60.0 +- 4.0 dph");
+  loop.term.fixed_parameters = {{"amplitude_dph", Measured{30}}, {"width_degc", Measured{1.5}}};
+  loop.only_ratio = OnlyRatio{{20.04, 0.61}, 1.234};
+  const std::string only = said(Verdict::kExplained, {loop}, {});
+  assert_has(only, "amplitude_dph 30.00, width_degc 1.500 (");
+  assert_has(only, "the branch of falling temperature is higher\n");
+  assert_has(
+      only,
+      "amplitude/width = 20.04 +- 0.61 dph/degC: the width, at least 1.2 degC, is not seen in logs that go one way");
   SelectedEffect jumps = effect_of("bias_step", 50);
   jumps.term.fixed_parameters = {{"steps", std::vector<StepValue>{{0, 7001.5, Measured{-187.3, 7.2}}}}};
   assert_has(said(Verdict::kExplained, {jumps}, {}), "bias_step: -187.3 +- 7.2 dph at 7001.5 s (");

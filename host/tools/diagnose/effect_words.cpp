@@ -15,7 +15,8 @@ namespace imucal {
 namespace {
 
 constexpr double kWideSteps = 2.5; // standard deviations of the noise
-constexpr double kWeak_nats = 3;   // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr size_t kMostStarts = 5; // that are told one by one
+constexpr double kWeak_nats = 3;  // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
 
 const char* doubt_text(Doubt doubt) {
   switch (doubt) {
@@ -43,8 +44,36 @@ std::string loop_in_words(const AxisResult& axis, const SelectedEffect& e) {
   const ParameterValue* amplitude = values.find("amplitude_dph");
   if (!amplitude) return "";
   const Measured& half = amplitude->number;
-  return std::string("the branch of ") + (half.value < 0 ? "rising" : "falling") + " temperature is higher, by up to " +
-         with_error(2 * std::fabs(half.value), 2 * half.std_error) + " " + axis_unit(axis.axis);
+  const std::string branch =
+      std::string("the branch of ") + (half.value < 0 ? "rising" : "falling") + " temperature is higher";
+  if (e.only_ratio) return branch;
+  return branch + ", by up to " + with_error(2 * std::fabs(half.value), 2 * half.std_error) + " " +
+         axis_unit(axis.axis);
+}
+// Where logs do not turn, or not far enough, a wider loop with as much more amplitude has the same course.
+std::string only_slope(const AxisResult& axis, const OnlyRatio& only) {
+  const std::string least = only.least_shape > 0 ? ", at least " + in_digits(only.least_shape, 2) + " degC," : "";
+  return "only the slope at the entry to a branch is seen, amplitude/width = " +
+         with_error(only.ratio.value, only.ratio.std_error) + " " + axis_unit(axis.axis) + "/degC: the width" + least +
+         " is not seen in logs that go one way or turn too early, nor is the amplitude; the two told are one pair "
+         "of many with that slope";
+}
+
+// Logs that began from a smaller start than the amplitude says; empty: all began alike.
+std::string starts_in_words(const AxisResult& axis, const StartSizes& sizes) {
+  std::vector<std::string> largest, others;
+  for (const StartSizes::OfRun& run : sizes.runs) {
+    const std::string log = std::to_string(run.log + 1);
+    if (run.weight > 0)
+      largest.push_back(log);
+    else if (others.size() < kMostStarts)
+      others.push_back("log " + log + " at " + with_error(run.size.value, run.size.std_error));
+  }
+  if (others.empty()) return "";
+  const bool are_more = sizes.runs.size() > largest.size() + others.size();
+  return "the amplitude is that of the start nearest to cold (" + std::string(largest.size() > 1 ? "logs " : "log ") +
+         joined(largest, ", ") + "); others began warmer: " + joined(others, ", ") + " " + axis_unit(axis.axis) +
+         (are_more ? " and more" : "");
 }
 
 } // namespace
@@ -144,6 +173,8 @@ std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect
                          figure(e.rms_dph, axis).c_str(), figure(axis.study.selection.white_dph, axis).c_str(),
                          axis_unit(axis.axis)));
   if (const std::string steps = of_wide_steps(axis, e); !steps.empty()) out.push_back(steps);
+  if (e.only_ratio) out.push_back(only_slope(axis, *e.only_ratio));
+  if (const std::string starts = starts_in_words(axis, e.start_sizes); !starts.empty()) out.push_back(starts);
   if (e.is_untested) out.push_back("the held-out logs cannot test it");
   if (e.is_of_starts)
     out.push_back(

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/diagnose/judge/start_sizes.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -65,6 +66,8 @@ Written written_of(const AxisResult& axis) {
       if (is_in_mean(effect) && h.terms[t].estimator == effect.estimator) {
         effect.coefficients.clear();
         for (const long c : columns_of(design, t)) effect.coefficients.push_back(out.fit.beta[c]);
+        const StartSizes sizes = start_sizes(axis.campaign, design, out.fit, h.terms[t], t);
+        if (!sizes.runs.empty()) effect.coefficients = {sizes.largest.value};
       }
   return out;
 }

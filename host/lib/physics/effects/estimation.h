@@ -141,6 +141,13 @@ public:
   // Whether that state lies between two extremes of the effect's own size: then no coefficient of the first start column of
   // a run is larger than that of the first column.
   virtual bool is_start_bounded() const { return false; }
+  // The columns where the run began such a part of the way from the middle state (0) to one of those extremes (-1 and 1).
+  virtual std::vector<Column> columns_from(const RunInput& run, const Theta& shape, double /*start*/) const {
+    return columns(run, shape);
+  }
+  // Whether a start state is no more than another size of the effect in that run, and its parameter is the largest of them: that of
+  // a run which began at rest.  It then has one column, and one start column, which is the same.
+  virtual bool is_start_a_size() const { return false; }
   // Whether logs of this length can show the shape; else any slow change would do, and it is no name.
   virtual bool is_shown_in(double /*log_s*/, const Theta& /*shape*/) const { return true; }
   // Whether the likelihood over the shape, of one parameter, has corners and several tops: its curvature at one of them says

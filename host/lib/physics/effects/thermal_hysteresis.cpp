@@ -155,7 +155,10 @@ public:
   Theta shape_lo() const override { return {0.4}; }
   Theta shape_hi() const override { return {60}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
-    return {play_column(run.smooth_degc, shape[0], 0)};
+    return columns_from(run, shape, 0);
+  }
+  std::vector<Column> columns_from(const RunInput& run, const Theta& shape, double start) const override {
+    return {play_column(run.smooth_degc, shape[0], start)};
   }
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
     return play_start_columns(run, shape[0]);

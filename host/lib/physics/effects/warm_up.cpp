@@ -59,6 +59,7 @@ public:
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
     return columns(run, shape);
   }
+  bool is_start_a_size() const override { return true; }
   Parameters values(const Estimate& e) const override {
     return {{"amplitude_dph", e.coefficient(0)}, {"tau_s", e.shape_at(0)}};
   }

@@ -80,6 +80,7 @@ public:
 
   // Log marginal likelihood of the runs chosen (empty: all).  `scale` multiplies the standard deviations of all
   // priors of parts.
+  double log_at_best(double scale) const; // the likelihood at the best coefficients, nothing integrated out
   double log_marginal(double scale = 1, const std::vector<char>& runs = {}) const;
   // Logarithm of the mean over the prior scales 1/3, 1, 3: the size of an effect is not known to a factor of three.
   double log_marginal_any_scale(const std::vector<char>& runs = {}) const;
@@ -90,6 +91,9 @@ public:
     std::vector<Eigen::VectorXd> local, local_sd; // per run: constant first
   };
   Posterior posterior(const std::vector<char>& runs = {}) const;
+  // Sums of products of the common columns and the data (last) of one run, its local ones taken out.
+  Eigen::MatrixXd without_local(size_t run) const;
+  const Eigen::VectorXd& common_precision() const { return common_precision_; }
 
 private:
   double one_run(size_t r, double scale, Eigen::MatrixXd* common) const;

@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "analysis/diagnose/evidence/maximise.h"
+#include "analysis/diagnose/judge/bounded_start.h"
+#include "analysis/diagnose/judge/start_sizes.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/sloped_noise.h"
 
@@ -20,8 +22,9 @@ constexpr double kLeastStep = 0.015, kLongerStep = 1.25, kFurthestTimes = 3; // 
 // The shape of one name under the curvature of the marginal likelihood, the rest of the answer as found.
 class NamedShape {
 public:
-  NamedShape(const SlowAnswer& slow, size_t name)
-      : slow_(slow), name_(name), e_(*slow.candidate(slow.found.best.names[name].candidate).scan.estimator),
+  NamedShape(const SlowAnswer& slow, size_t name, const StartSizes& sizes)
+      : slow_(slow), name_(name), sizes_(sizes),
+        e_(*slow.candidate(slow.found.best.names[name].candidate).scan.estimator),
         shape_(slow.found.best.names[name].shape), lo_(e_.shape_lo()), hi_(e_.shape_hi()) {
     if (e_.is_near_thermometer()) lo_.push_back(-EffectEstimator::kNearby_s), hi_.push_back(EffectEstimator::kNearby_s);
   }
@@ -79,10 +82,22 @@ private:
   RunGrams grams(const SlowModel& m) const { return slow_.search->grams_of(m); }
   VectorXd coefficients(const Theta& shape) const {
     const SlowModel m = at(shape);
-    const VectorXd common = grams(m).posterior().common; // powers first, the names last
-    long last = common.size();
+    const RunGrams::Posterior at = grams(m).posterior(); // powers first, the names last
+    long last = at.common.size();
     for (size_t i = m.names.size(); i-- > name_;) last -= n_common(m.names[i]);
-    return common.segment(last, n_common(m.names[name_]));
+    VectorXd out = at.common.segment(last, n_common(m.names[name_]));
+    if (sizes_.runs.size() == at.local.size()) out[0] += start_of_largest(m, at);
+    return out;
+  }
+  // What the start states add in the runs that have the largest size.
+  double start_of_largest(const SlowModel& m, const RunGrams::Posterior& at) const {
+    long column = at.local.front().size();
+    const std::vector<MeanPart> parts = slow_.search->parts_on(*slow_.data, m);
+    for (size_t i = m.names.size(); i-- > name_;)
+      column -= parts[parts.size() - m.names.size() + i].local_precision.size();
+    double sum = 0;
+    for (size_t r = 0; r < at.local.size(); ++r) sum += sizes_.runs[r].weight * at.local[r][column];
+    return sum;
   }
   long n_common(const SlowModel::Name& name) const {
     const EffectEstimator& e = *slow_.candidate(name.candidate).scan.estimator;
@@ -91,6 +106,7 @@ private:
 
   const SlowAnswer& slow_;
   const size_t name_;
+  const StartSizes& sizes_;
   const EffectEstimator& e_;
   const Theta shape_;
   Theta lo_, hi_;
@@ -101,27 +117,33 @@ bool has_shape(const SlowAnswer& slow, size_t name, const SelectedEffect& effect
   return &e == effect.term.estimator && e.is_refined(slow.found.best.names[name].shape) && !e.shape_lo().empty();
 }
 
+// What errors of the shape add to those of coefficients that follow it so.
+void add_errors(const MatrixXd& slopes, const MatrixXd& covariance, std::vector<double>* errors) {
+  const VectorXd added = (slopes * covariance * slopes.transpose()).diagonal();
+  for (size_t k = 0; k < errors->size() && static_cast<long>(k) < added.size(); ++k)
+    (*errors)[k] = std::hypot((*errors)[k], std::sqrt(std::max(0.0, added[static_cast<long>(k)])));
+}
+
 } // namespace
 
 void add_errors_of_shapes(const SlowAnswer& slow, std::vector<SelectedEffect>* effects) {
-  for (SelectedEffect& effect : *effects)
+  for (SelectedEffect& effect : *effects) {
+    tell_largest(&effect);
     for (size_t i = 0; i < slow.found.best.names.size(); ++i) {
       if (!has_shape(slow, i, effect)) continue;
-      const NamedShape shape(slow, i);
+      const NamedShape shape(slow, i, effect.start_sizes);
       const MatrixXd covariance = shape.covariance();
       effect.term.shape_errors = roots_of_diagonal(covariance);
       std::vector<double>& errors = effect.term.coefficient_errors;
       if (effect.term.form() != Form::kColumns || effect.term.estimator->can_jump())
         continue; // a jump is as high wherever it is
-      if (!covariance.allFinite()) {
+      if (covariance.allFinite())
+        add_errors(shape.slopes(effect.term.shape_errors), covariance, &errors);
+      else
         std::fill(errors.begin(), errors.end(), kUnknown);
-        continue;
-      }
-      const MatrixXd slopes = shape.slopes(effect.term.shape_errors);
-      const VectorXd added = (slopes * covariance * slopes.transpose()).diagonal();
-      for (size_t k = 0; k < errors.size() && static_cast<long>(k) < added.size(); ++k)
-        errors[k] = std::hypot(errors[k], std::sqrt(std::max(0.0, added[static_cast<long>(k)])));
+      if (effect.term.estimator->is_start_bounded()) tell_bounded(slow, i, &effect);
     }
+  }
 }
 
 void add_errors_of_noise(const AxisQuestion& question, const Found& found, std::vector<SelectedEffect>* effects) {
@@ -163,6 +185,7 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
         effect.term.coefficient_errors = term.coefficient_errors;
         effect.term.starts = term.starts, effect.term.start_errors = term.start_errors;
         effect.term.start_covariances = term.start_covariances;
+        effect.start_sizes = start_sizes(question.campaign, design, fit, term, t);
         if (term.form() == Form::kTone)
           effect.term.shape_errors = line_errors(question.campaign, design, fit, found->seconds.final.noise(), term, t);
       }

@@ -2,6 +2,7 @@
 // One effect of the answer: its name or family, what speaks for it, and what cannot be excluded beside it.
 #pragma once
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,25 @@ enum class Doubt {
 // held_out_nats of what predicts nothing: jumps in time, noise, structure.
 constexpr double kPredictsNothing = std::numeric_limits<double>::quiet_NaN();
 
+// Of an effect whose runs begin between two extremes of its own size: that size over its shape (the travel from one extreme to
+// the other), where logs do not show the two apart, and the least shape that they allow (0: any).
+struct OnlyRatio {
+  Measured ratio;
+  double least_shape = 0;
+};
+
+// The sizes of an effect in the runs, where each began from another start, and the largest of them: the mean of all that may be as
+// large, each with its weight.
+struct StartSizes {
+  struct OfRun {
+    int log;
+    Measured size;
+    double weight; // 0: it began smaller
+  };
+  std::vector<OfRun> runs; // empty: not such an effect
+  Measured largest;
+};
+
 struct SelectedEffect {
   Family family = Family::kSlowNoise;
   bool is_family = false;    // the family is the name
@@ -48,6 +68,8 @@ struct SelectedEffect {
   std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
   // What it adds to the rates of a second, rms about the mean of the run [dph]; NaN: not known.  For the order of words.
   double rms_dph = std::numeric_limits<double>::quiet_NaN();
+  std::optional<OnlyRatio> only_ratio;
+  StartSizes start_sizes;
   bool is_structural = false;
   bool is_of_some_logs = false; // what single logs were rounded to: nothing of the device, nothing for its model
   std::string statement;        // of a structural detector
