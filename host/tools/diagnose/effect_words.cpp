@@ -15,8 +15,8 @@ namespace imucal {
 namespace {
 
 constexpr double kWideSteps = 2.5; // standard deviations of the noise
-constexpr size_t kMostStarts = 5; // that are told one by one
-constexpr double kWeak_nats = 3;  // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr size_t kMostStarts = 5;  // that are told one by one
+constexpr double kWeak_nats = 3;   // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
 
 const char* doubt_text(Doubt doubt) {
   switch (doubt) {

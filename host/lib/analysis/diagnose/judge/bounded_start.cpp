@@ -15,11 +15,11 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kLeastChange = 0.015, kLongerChange = 1.25, kFurthestShape = 3; // of the shapes that are asked
-constexpr int kStartRounds = 4;                  // over the runs, each at its best start beside those of the others
-constexpr double kStartGain_nats = 0.01;    // that is worth another
-constexpr double kAnySize = 1e3;           // times the spread of the data: prior of a size that may be any
-constexpr double kStartChange = 0.02;       // over which the slope of a column with its start is taken
-constexpr double kPlausibleErrors = 2;      // 95 %
+constexpr int kStartRounds = 4;          // over the runs, each at its best start beside those of the others
+constexpr double kStartGain_nats = 0.01; // that is worth another
+constexpr double kAnySize = 1e3;         // times the spread of the data: prior of a size that may be any
+constexpr double kStartChange = 0.02;    // over which the slope of a column with its start is taken
+constexpr double kPlausibleErrors = 2;   // 95 %
 // Starts that are asked, about the best ones so far: their distance in parts of the way from the middle to an extreme.  The last
 // is a tenth of a degree or less, whatever the shape.
 struct StartLevel {
@@ -66,7 +66,8 @@ public:
     for (double start : place.starts) starts.push_back({start});
     MeanPart with_starts = part(place.shape, starts);
     for (size_t r = 0; r < n_runs(); ++r) {
-      const double lo = std::max(-1.0, place.starts[r] - kStartChange), hi = std::min(1.0, place.starts[r] + kStartChange);
+      const double lo = std::max(-1.0, place.starts[r] - kStartChange),
+                   hi = std::min(1.0, place.starts[r] + kStartChange);
       const MatrixXd change = columns(r, place.shape, {hi}) - columns(r, place.shape, {lo});
       MatrixXd& local = with_starts.local[r];
       local.conservativeResize(Eigen::NoChange, local.cols() + 1);
@@ -145,8 +146,7 @@ private:
     const auto size = static_cast<long>(kept.size());
     MatrixXd out(size, size);
     for (long i = 0; i < size; ++i)
-      for (long j = 0; j < size; ++j)
-        out(i, j) = gram(kept[static_cast<size_t>(i)], kept[static_cast<size_t>(j)]);
+      for (long j = 0; j < size; ++j) out(i, j) = gram(kept[static_cast<size_t>(i)], kept[static_cast<size_t>(j)]);
     return out;
   }
   // Log likelihood at the best coefficients, but for what no start changes.

@@ -53,8 +53,8 @@ StartSizes start_sizes(const Campaign& campaign, const Design& design, const Fit
     if (design.start_of_column[c] == static_cast<int>(place)) starts.push_back(static_cast<long>(c));
   if (starts.empty() || starts.size() != campaign.runs.size()) return out;
   const MatrixXd of = sizes_by_coefficients(design, starts, columns_of(design, place).front());
-  const auto [sizes, covariance] = without_prior({of * fit.beta, of * fit.beta_covariance * of.transpose()},
-                                                 design.prior_precision[starts.front()]);
+  const auto [sizes, covariance] =
+      without_prior({of * fit.beta, of * fit.beta_covariance * of.transpose()}, design.prior_precision[starts.front()]);
   const VectorXd errors = covariance.diagonal().cwiseMax(0).cwiseSqrt();
   Eigen::Index largest = 0;
   (sizes.cwiseAbs() - kSameErrors * errors).maxCoeff(&largest); // surely so large
