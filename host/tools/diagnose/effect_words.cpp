@@ -96,7 +96,11 @@ bool is_weak(const SelectedEffect& e) {
 std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
   if (!e.term.effect || e.doubt == Doubt::kSlowNoise) return "";
   const bool is_loop = e.term.effect->estimator() && e.term.effect->estimator()->is_start_bounded();
-  return is_loop ? loop_in_words(axis, e) : noise_over_temperature(e.term, axis.campaign);
+  if (is_loop) return loop_in_words(axis, e);
+  if (e.term.estimator && e.term.estimator->is_nominal_noise())
+    return e.term.shape.size() > 1 ? "" // the only process is told by its parameters
+                                   : processes_in_words(axis.study.selection.fitted_noise.markov, axis_unit(axis.axis));
+  return noise_over_temperature(e.term, axis.campaign);
 }
 
 // In the axis' unit: a tenth of a dph, or three digits of a few mg.

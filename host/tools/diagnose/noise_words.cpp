@@ -5,6 +5,8 @@
 #include <cstdio>
 
 #include "base/digits.h"
+#include "base/units.h"
+#include "diagnose/words.h"
 
 namespace imucal {
 
@@ -52,6 +54,55 @@ std::string noise_over_temperature(const Term& term, const Campaign& campaign) {
     if (const double slope = noise.*sloped.slope; slope != 0)
       return times_as_large(sloped, slope, std::fabs(next.*sloped.slope - slope), campaign);
   return "";
+}
+
+namespace {
+
+constexpr size_t kFewestOfLadder =
+    4; // processes of one size, each so many times slower than the one before, are 1/f noise
+constexpr int kNoiseDigits = 3;
+
+// How many processes from this one on are of one size and of time constants as far apart; the last may be cut where it is longer
+// than the logs can tell.
+size_t ladder_from(const std::vector<Markov>& processes, size_t first) {
+  constexpr double kSame = 1e-6;
+  size_t n = 1;
+  double ratio = 0;
+  for (; first + n < processes.size(); ++n) {
+    const Markov &before = processes[first + n - 1], &next = processes[first + n];
+    const double apart = next.tau_s / before.tau_s;
+    if (std::fabs(next.sigma_dph / before.sigma_dph - 1) > kSame || !(apart > 1)) break;
+    if (n == 1) ratio = apart;
+    if (std::fabs(apart / ratio - 1) < kSame) continue;
+    return apart < ratio ? n + 1 : n;
+  }
+  return n;
+}
+// The strength B of 1/f noise of spectrum B^2/(pi f): sigma^2 = B^2 ln(ratio)/pi of each of its processes.
+double strength_of_ladder(const Markov& first, const Markov& second) {
+  return first.sigma_dph / std::sqrt(std::log(second.tau_s / first.tau_s) / kPi);
+}
+
+} // namespace
+
+std::string processes_in_words(const std::vector<Markov>& processes, const std::string& axis_unit) {
+  if (processes.size() < 2) return "";
+  std::vector<std::string> parts;
+  const auto size = [&](double value) { return in_digits(value, kNoiseDigits) + " " + axis_unit; };
+  const auto time = [](double tau_s) { return in_digits(tau_s, kNoiseDigits) + " s"; };
+  for (size_t i = 0; i < processes.size();) {
+    const size_t n = ladder_from(processes, i);
+    const Markov& m = processes[i];
+    if (n >= kFewestOfLadder) {
+      parts.push_back("1/f noise of instability B " + size(strength_of_ladder(m, processes[i + 1])) +
+                      " with time constants from " + time(m.tau_s) + " to " + time(processes[i + n - 1].tau_s));
+      i += n;
+      continue;
+    }
+    parts.push_back(size(m.sigma_dph) + " with a time constant of " + time(m.tau_s));
+    ++i;
+  }
+  return "all slow noise that these logs show: " + joined(parts, ", and ");
 }
 
 } // namespace imucal

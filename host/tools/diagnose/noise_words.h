@@ -3,6 +3,7 @@
 // how much louder a warm sensor is.
 #pragma once
 #include <string>
+#include <vector>
 
 #include "analysis/diagnose/evidence/fit.h"
 
@@ -11,5 +12,8 @@ namespace imucal {
 // How many times as large (long) at one end of the temperatures of the logs as at the other, and what its slope is per.
 // Empty: the term is no noise that follows the temperature.
 std::string noise_over_temperature(const Term& term, const Campaign& campaign);
+
+// Several processes that were estimated together, all of them; those of 1/f noise by its strength.  Empty: one at most.
+std::string processes_in_words(const std::vector<Markov>& processes, const std::string& axis_unit);
 
 } // namespace imucal

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <set>
 
+#include "analysis/diagnose/believed.h"
 #include "analysis/diagnose/checks.h"
 #include "analysis/diagnose/evidence/shared.h"
 #include "analysis/diagnose/logs/blocks.h"
@@ -27,10 +28,6 @@
 namespace imucal {
 
 namespace {
-
-NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseModel noise);
-bool is_for(const EffectSpec& spec, const std::string& axis);
-Theta theta_of(const Effect& effect, const Parameters& parameters);
 
 // What is known of the noise: a model, a line of a data sheet, or nothing.
 NoiseBelief belief_of(const DiagnoseOptions& options, const ErrorModel& model, const std::string& axis) {
@@ -53,32 +50,6 @@ NoiseBelief belief_of(const DiagnoseOptions& options, const ErrorModel& model, c
     if (shape.size() == n) belief.known.push_back({estimator, shape});
   }
   return belief;
-}
-
-bool is_for(const EffectSpec& spec, const std::string& axis) {
-  return spec.axis.empty() || spec.axis == axis || spec.axis == axis.substr(0, axis.rfind('_'));
-}
-
-// Parameters in the order of the library, which is that of theta; the angle random walk as white noise of 1-s
-// means.
-Theta theta_of(const Effect& effect, const Parameters& parameters) {
-  Theta theta;
-  for (const EffectParameter& p : effect.parameters()) {
-    if (p.is_optional || p.kind != EffectParameter::kNumber) continue;
-    const double value = parameters.number(p.name);
-    theta.push_back(p.name == "arw_deg_rt_h" ? white_sigma_dph(value) : value);
-  }
-  return theta;
-}
-
-// The noise with the effects that the model itself already holds.
-NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseModel noise) {
-  for (const EffectSpec& spec : model.effects) {
-    const Effect& effect = find_effect(spec);
-    if (is_for(spec, axis) && effect.estimator() && effect.estimator()->form() == Form::kNoise)
-      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(spec)));
-  }
-  return noise;
 }
 
 // Why an effect that the model holds stays in the rates.
@@ -185,6 +156,14 @@ std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>&
     throw data_error(log.path + ": the model is one of " + (gyros.empty() ? "a gyro" : "an accelerometer") +
                      ", the log has no such axis; choose axes with --axis, or give another model");
   return names;
+}
+
+// All axes of a log that are of the same kind of sensor as this one.
+std::vector<std::string> axes_like(const Log& log, const std::string& name) {
+  std::vector<std::string> out;
+  for (const LogAxis& axis : log.axes)
+    if (axis.is_gyro == log.axis(name).is_gyro) out.push_back(axis.name);
+  return out;
 }
 
 void make_folder(const std::string& folder) {
@@ -450,7 +429,7 @@ DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& m
   }
   if (n_refused == names.size()) throw data_error(why);
   find_shared(active_effects(options), options.constants.shared_nats, &out.axes);
-  complete_model(&out);
+  complete_model(axes_like(logs.front(), names.front()), &out);
   return out;
 }
 

@@ -52,14 +52,17 @@ public:
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
     NoiseModel out = base;
     out.white_sigma_dph = theta[0];
+    if (theta.size() < 3) return out;
     if (out.markov.empty()) out.markov.emplace_back();
     out.markov[0] = {theta[1], theta[2]};
     return out;
   }
   bool is_nominal_noise() const override { return true; }
+  // Of white noise alone where there is more than one process: the first of them is not the slow noise.
   Parameters values(const Estimate& e) const override {
     const Measured white = e.shape_at(0); // dph in 1-s means
     const Measured arw = {arw_from_white_sigma(white.value), arw_from_white_sigma(white.std_error)};
+    if (e.shape.size() < 3) return {{"arw_deg_rt_h", arw}};
     return {{"arw_deg_rt_h", arw}, {"sigma_dph", e.shape_at(1)}, {"tau_s", e.shape_at(2)}};
   }
 };

@@ -69,6 +69,15 @@ void name_second(const AxisQuestion& question, const FastFinding& second, Names*
   insert_by_evidence(effect, names);
 }
 
+// One process, or none, is told beside white noise; of several the first is not the slow noise, and none is.
+Theta parameters_of(const Found& found) {
+  const NoiseModel& noise = found.seconds.noise.base;
+  const bool is_kind_named = found.slow.found.has_noise(); // its process comes last, and is told there
+  if ((is_kind_named ? found.seconds.own_base : noise).markov.size() > 1) return {noise.white_sigma_dph};
+  const Markov process = noise.markov.empty() ? Markov{0, 1} : noise.markov[0];
+  return {noise.white_sigma_dph, process.sigma_dph, process.tau_s};
+}
+
 } // namespace
 
 void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
@@ -112,10 +121,7 @@ void name_retuned(const AxisQuestion& question, const Found& found, Names* names
     if (!e || !question.active[j] || !e->is_nominal_noise()) continue;
     SelectedEffect effect;
     effect.family = question.library[j]->family();
-    const NoiseModel& noise = found.seconds.noise.base;
-    effect.term = term_of(question.library[j], e,
-                          {noise.white_sigma_dph, noise.markov.empty() ? 0 : noise.markov[0].sigma_dph,
-                           noise.markov.empty() ? 1 : noise.markov[0].tau_s});
+    effect.term = term_of(question.library[j], e, parameters_of(found));
     effect.gain_nats = found.seconds.retuned_nats;
     effect.evidence_nats = found.seconds.retuned_nats - question.constants.retuned_nats;
     effect.held_out_nats = kPredictsNothing;
