@@ -3,6 +3,8 @@
 #include "analysis/diagnose/search/time_jumps.h"
 #include "analysis/diagnose/stages/bursts.h"
 #include "analysis/diagnose/stages/seconds_noise.h"
+#include "analysis/diagnose/stages/sloped_noise.h"
+#include "analysis/diagnose/stages/slow_stage.h"
 #include "diagnose_logs.h"
 
 static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {
@@ -33,6 +35,26 @@ static void test_noise_believed_too_small_is_no_other_kind_of_noise(void**) {
   // Noise beside the believed one pays what other parameters pay.
   for (const SlowCandidateScore& noise : result.noises)
     assert_true(noise.score_nats + SelectorConstants().noise_kind_nats < result.null.free_score() + 4);
+}
+
+// Whatever evidence block means gave it: the seconds are as likely without a slope.
+static void test_noise_without_a_slope_follows_no_temperature(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 111; seed < 113; ++seed) logs.push_back(simulated_log(seed, 5000, false, 0));
+  Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  AxisQuestion question{campaign, nullptr, effect_library(), all_active(), nothing_believed(), {}};
+  SlowAnswer slow;
+  prepare_slow(question, &campaign, nullptr, &slow);
+  run_slow(question, &slow);
+  SlowModel& best = slow.found.best;
+  best = slow.found.null;
+  best.noise_effect = &find_effect("markov_sigma_vs_temperature"), best.noise_theta = {0.05};
+  slow.found.noise_evidence = 20;
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  const std::optional<SecondsNoise> noise = fit_sloped_noise(question, residual, &slow);
+  assert_true(noise.has_value() && noise->base.is_stationary());
+  assert_near(noise->base.white_sigma_dph, 36, 1);
+  assert_true(!best.noise_effect && !slow.found.noise_evidence);
 }
 
 // Over 7 degC the noise falls to less than a half: per 30 degC that is a slope of -9.
@@ -828,6 +850,7 @@ int main() {
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
       cmocka_unit_test(test_noise_believed_too_small_is_no_other_kind_of_noise),
+      cmocka_unit_test(test_noise_without_a_slope_follows_no_temperature),
       cmocka_unit_test(test_the_slope_of_noise_over_a_narrow_range_is_not_cut),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them),

@@ -645,8 +645,50 @@ static void test_no_name_is_twice_in_a_set(void**) {
   assert_true(effect.set[1].gain_nats == 9);
 }
 
+// The log shows the steps; with odds of one to one they are no gap.  With evidence they are a name as others are.
+static void test_steps_of_the_thermometer_that_are_not_felt_are_a_note(void**) {
+  Selection selection;
+  selection.effects = {effect_of("temperature_sensor_quantization", 0.03)};
+  selection.effects[0].term.fixed_parameters = {{"lsb_degc", 0.5}};
+  selection.verdict = Verdict::kNoGap;
+  const std::string text = said(selection.verdict, selection.effects, {});
+  assert_has(text, "gx_dph: no gap that these logs can show");
+  assert_has(text, "  note    temperature_sensor_quantization: lsb_degc 0.5000");
+  assert_has(text, "hardly shows in the rates more than by chance: no gap");
+  assert_int_equal(count(text, "odds"), 0);
+  assert_int_equal(count(text, "Look at the hardware"), 0);
+  assert_true(told(selection)["effects"][0]["is_note"] == Json(true));
+  selection.effects[0].evidence_nats = 4, selection.verdict = Verdict::kExplained;
+  assert_has(said(selection.verdict, selection.effects, {}), "a gap, explained: temperature_sensor_quantization");
+  assert_true(told(selection)["effects"][0]["is_note"] == Json(false));
+}
+
+// 2 % from cold to warm is no reason to look for what follows the temperature, nor is what may be nothing.
+static void test_hardware_of_noise_that_hardly_follows_the_temperature_is_not_told(void**) {
+  const auto advice_on = [](double slope, double error) {
+    DiagnoseResult result;
+    result.axes.resize(1);
+    AxisResult& axis = result.axes[0];
+    axis.axis = "gx_dph", axis.where.sentence = "somewhere";
+    axis.campaign.has_temperature = true, axis.campaign.lo_degc = 0, axis.campaign.hi_degc = 60;
+    axis.campaign.t0_degc = 30, axis.campaign.range_degc = 30;
+    axis.study.selection.verdict = Verdict::kExplained;
+    axis.study.selection.effects = {effect_of("markov_sigma_vs_temperature", 8)};
+    Term& term = axis.study.selection.effects[0].term;
+    term.fixed_parameters = {{"slope", Measured{slope, error}}};
+    term.shape = {slope}, term.shape_errors = {error};
+    return count(diagnosis_text(result), "Look at the hardware (markov sigma vs temperature)");
+  };
+  assert_int_equal(advice_on(0.02, 0.001), 0);
+  assert_int_equal(advice_on(0.5, 0.6), 0);
+  assert_int_equal(advice_on(0.5, 0.1), 1); // 1.65 times
+  assert_int_equal(advice_on(-0.5, 0.1), 1);
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_steps_of_the_thermometer_that_are_not_felt_are_a_note),
+      cmocka_unit_test(test_hardware_of_noise_that_hardly_follows_the_temperature_is_not_told),
       cmocka_unit_test(test_means_that_are_drawn_hold_no_hit),
       cmocka_unit_test(test_means_that_are_drawn_do_not_go_over_a_hole),
       cmocka_unit_test(test_what_is_left_is_not_called_rejected),

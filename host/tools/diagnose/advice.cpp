@@ -176,8 +176,7 @@ std::vector<std::string> hardware_to_look_at(const AxisResult& axis) {
     const SelectedEffect& e = axis.study.selection.effects[i];
     if (is_note(axis, e) || e.doubt == Doubt::kSlowNoise || !e.term.effect) continue;
     std::vector<std::string> causes;
-    for (const HardwareCause& cause : e.term.effect->meaning(values_of(axis, e)).hardware_causes)
-      causes.push_back(cause.what);
+    for (const HardwareCause& cause : hardware_causes_of(axis, e)) causes.push_back(cause.what);
     if (!causes.empty())
       add_once("Look at the hardware (" + in_plain_words(e.term.effect->name()) + "): " + joined(causes, "; or ") + ".",
                &out);

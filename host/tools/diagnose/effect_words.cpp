@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kWideSteps = 2.5; // standard deviations of the noise
 constexpr size_t kMostStarts = 5;  // that are told one by one
-constexpr double kWeak_nats = 3;   // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr int kCostDigits = 2, kSlopePlaces = 50;
 
 const char* doubt_text(Doubt doubt) {
   switch (doubt) {
@@ -103,6 +103,12 @@ std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
   return noise_over_temperature(e.term, axis.campaign);
 }
 
+// Advice on what makes a noise follow the temperature is of no use where it hardly does.
+std::vector<HardwareCause> hardware_causes_of(const AxisResult& axis, const SelectedEffect& e) {
+  if (!e.term.effect || e.doubt == Doubt::kSlowNoise || hardly_follows_temperature(e.term, axis.campaign)) return {};
+  return e.term.effect->meaning(values_of(axis, e)).hardware_causes;
+}
+
 // In the axis' unit: a tenth of a dph, or three digits of a few mg.
 std::string figure(double value, const AxisResult& axis) {
   return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
@@ -159,6 +165,28 @@ std::string of_wide_steps(const AxisResult& axis, const SelectedEffect& e) {
       "that changes with it; what else is told of this axis may be that",
       figure(curve, axis).c_str(), axis_unit(axis.axis));
 }
+// The most that a rounded temperature takes the polynomial off: half a step where it is steepest.  Not known: no polynomial.
+double most_of_half_step_dph(const AxisResult& axis, double step_degc) {
+  const Campaign& campaign = axis.campaign;
+  const auto n_runs = static_cast<Eigen::Index>(campaign.runs.size());
+  if (axis.final_fit.beta.size() < n_runs + campaign.order) return kUnknown;
+  ThermalPolynomial bias{campaign.t0_degc, campaign.range_degc, {0}};
+  for (int i = 0; i < campaign.order; ++i) bias.coeff_dph.push_back(axis.final_fit.beta[n_runs + i]);
+  double most_dph = 0;
+  for (int k = 0; k < kSlopePlaces; ++k) {
+    const double at_degc = campaign.lo_degc + k * (campaign.hi_degc - campaign.lo_degc) / (kSlopePlaces - 1);
+    most_dph = std::max(most_dph, std::fabs(bias.at(at_degc + step_degc / 2) - bias.at(at_degc)));
+  }
+  return most_dph;
+}
+// What rounded temperatures cost is no gap of the sensor while the rates do not show it.
+std::string steps_of_thermometer(const AxisResult& axis, const SelectedEffect& e) {
+  const double most_dph = e.term.shape.empty() ? kUnknown : most_of_half_step_dph(axis, e.term.shape[0]);
+  const std::string cost =
+      std::isfinite(most_dph) ? ", up to " + in_digits(most_dph, kCostDigits) + " " + axis_unit(axis.axis) + "," : "";
+  return "the log shows these steps of the thermometer; what they cost" + cost +
+         " hardly shows in the rates more than by chance: no gap";
+}
 
 } // namespace
 
@@ -167,12 +195,14 @@ std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect
   std::vector<std::string> out;
   const EffectMeaning meaning = e.term.effect ? e.term.effect->meaning(values_of(axis, e)) : EffectMeaning();
   if (!meaning.remark.empty()) out.push_back(meaning.remark);
-  if (is_weak(e))
+  if (are_steps_unfelt(e))
+    out.push_back(steps_of_thermometer(axis, e));
+  else if (is_weak(e))
     out.push_back("weak evidence, odds of " + in_digits(std::exp(std::max(0.0, e.evidence_nats)), 2) +
                   " to 1: confirm it by another log");
   if (const std::string statement = statement_of(e); !statement.empty()) out.push_back(statement);
   if (is_shared_noise(e)) out.push_back(as_simulated(axis, e));
-  if (is_note(axis, e))
+  if (is_note(axis, e) && !are_steps_unfelt(e))
     out.push_back(format("a small part of the noise: %s of %s %s from second to second",
                          figure(e.rms_dph, axis).c_str(), figure(axis.study.selection.white_dph, axis).c_str(),
                          axis_unit(axis.axis)));

@@ -13,7 +13,7 @@ bool has_evidence(const SelectedEffect& e);
 bool is_weak(const SelectedEffect& e); // its evidence is little
 bool is_noise(const SelectedEffect& e);
 bool is_slow_noise(const SelectedEffect& e);
-bool is_note(const AxisResult& axis, const SelectedEffect& e); // a small part of the noise
+bool is_note(const AxisResult& axis, const SelectedEffect& e); // beside the answer
 // What axes share was measured; its parameters are those of a simulation.
 bool is_shared_noise(const SelectedEffect& e);
 
@@ -26,6 +26,8 @@ Parameters values_of(const AxisResult& axis, const SelectedEffect& e);
 std::string statement_of(const SelectedEffect& e);
 // What the numbers mean, where they alone do not say it.
 std::string in_words(const AxisResult& axis, const SelectedEffect& e);
+// What to look for in the hardware, by what was found; none where that does not point anywhere.
+std::vector<HardwareCause> hardware_causes_of(const AxisResult& axis, const SelectedEffect& e);
 // How sure a name is and what else it may be, a line each: the same in text, JSON and on the page.
 std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect& e);
 

@@ -162,7 +162,8 @@ namespace {
 
 // What is named is of the mean of other data, not of their noise alone.
 bool names_mean(const Selection& s) {
-  return std::any_of(s.effects.begin(), s.effects.end(), [](const SelectedEffect& e) {
+  return std::any_of(s.effects.begin(), s.effects.end(), [&](const SelectedEffect& e) {
+    if (is_note(e, s.white_dph)) return false;
     return !e.term.effect || (e.term.form() != Form::kNoise && e.term.form() != Form::kSteps &&
                               e.term.form() != Form::kStructural && e.term.form() != Form::kAxes);
   });
@@ -170,7 +171,8 @@ bool names_mean(const Selection& s) {
 
 bool claims_shrinkage(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
-  return s.verdict != Verdict::kUnexplained && axis.study.gap.has_mean && names_mean(s);
+  const bool has_gap = s.verdict == Verdict::kExplained || s.verdict == Verdict::kPartlyExplained;
+  return has_gap && axis.study.gap.has_mean && names_mean(s);
 }
 
 } // namespace

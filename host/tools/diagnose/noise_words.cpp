@@ -28,32 +28,53 @@ double to_tenths(double degc) {
   return std::round(10 * degc) / 10 + 0.0; // no -0
 }
 
-std::string times_as_large(const Sloped& sloped, double slope, double slope_error, const Campaign& campaign) {
-  const double lo_degc = to_tenths(campaign.lo_degc), hi_degc = to_tenths(campaign.hi_degc);
-  const double exponent = sloped.part * (hi_degc - lo_degc) / campaign.range_degc;
-  const bool grows = exponent * slope > 0;
-  const double times = std::exp(std::fabs(exponent * slope)), error = times * std::fabs(exponent) * slope_error;
-  char text[300];
-  std::snprintf(text, sizeof text,
-                "%s is %s times as %s at %g degC as at %g degC (slope: of %s, per unit of (T - %g degC) / %g degC)",
-                sloped.what, with_error(times, error).c_str(), sloped.large, grows ? hi_degc : lo_degc,
-                grows ? lo_degc : hi_degc, sloped.slope_of, campaign.t0_degc, campaign.range_degc);
-  return text;
-}
+constexpr double kHardlyMore = 1.25; // times: no dependence on temperature that anybody would look for
 
-} // namespace
-
-std::string noise_over_temperature(const Term& term, const Campaign& campaign) {
-  if (!term.estimator || term.form() != Form::kNoise || term.shape.empty() || !campaign.has_temperature) return "";
+// By how much a noise is larger at one end of the temperatures of the logs than at the other.
+struct OverTemperature {
+  const Sloped* sloped = nullptr; // nullptr: it does not follow the temperature
+  Measured times = {1, kUnknown};
+  double more_at_degc = 0, less_at_degc = 0;
+};
+OverTemperature over_temperature(const Term& term, const Campaign& campaign) {
+  OverTemperature out;
+  if (!term.estimator || term.form() != Form::kNoise || term.shape.empty() || !campaign.has_temperature) return out;
   Theta further = term.shape;
   for (size_t i = 0; i < further.size(); ++i)
     further[i] += i < term.shape_errors.size() ? term.shape_errors[i] : kUnknown;
   const NoiseModel noise = term.estimator->noise(NoiseModel(), term.shape),
                    next = term.estimator->noise(NoiseModel(), further);
-  for (const Sloped& sloped : kSloped)
-    if (const double slope = noise.*sloped.slope; slope != 0)
-      return times_as_large(sloped, slope, std::fabs(next.*sloped.slope - slope), campaign);
-  return "";
+  const double lo_degc = to_tenths(campaign.lo_degc), hi_degc = to_tenths(campaign.hi_degc);
+  for (const Sloped& sloped : kSloped) {
+    const double slope = noise.*sloped.slope;
+    if (slope == 0) continue;
+    const double exponent = sloped.part * (hi_degc - lo_degc) / campaign.range_degc;
+    const bool grows = exponent * slope > 0;
+    const double times = std::exp(std::fabs(exponent * slope));
+    out.sloped = &sloped;
+    out.times = {times, times * std::fabs(exponent) * std::fabs(next.*sloped.slope - slope)};
+    out.more_at_degc = grows ? hi_degc : lo_degc, out.less_at_degc = grows ? lo_degc : hi_degc;
+    return out;
+  }
+  return out;
+}
+
+} // namespace
+
+std::string noise_over_temperature(const Term& term, const Campaign& campaign) {
+  const OverTemperature found = over_temperature(term, campaign);
+  if (!found.sloped) return "";
+  char text[300];
+  std::snprintf(text, sizeof text,
+                "%s is %s times as %s at %g degC as at %g degC (slope: of %s, per unit of (T - %g degC) / %g degC)",
+                found.sloped->what, with_error(found.times.value, found.times.std_error).c_str(), found.sloped->large,
+                found.more_at_degc, found.less_at_degc, found.sloped->slope_of, campaign.t0_degc, campaign.range_degc);
+  return text;
+}
+
+bool hardly_follows_temperature(const Term& term, const Campaign& campaign) {
+  const OverTemperature found = over_temperature(term, campaign);
+  return found.sloped && (found.times.value < kHardlyMore || found.times.value - 1 < found.times.std_error);
 }
 
 namespace {

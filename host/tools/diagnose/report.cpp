@@ -121,7 +121,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
   if (e.term.effect && e.doubt != Doubt::kSlowNoise) {
     const EffectMeaning meaning = e.term.effect->meaning(values);
     entry["label"] = e.is_family ? family_label(e.family) : meaning.label;
-    entry["hardware_causes"] = causes_json(meaning.hardware_causes);
+    entry["hardware_causes"] = causes_json(hardware_causes_of(axis, e));
   }
   if (const std::string statement = statement_of(e); !statement.empty()) entry["statement"] = statement;
   return entry;

@@ -33,7 +33,12 @@ void open_shape(SelectedEffect* effect) {
 void open_loop(SelectedEffect* effect) {
   effect->is_family = true, effect->doubt = Doubt::kLoopOpen;
 }
+bool are_steps_unfelt(const SelectedEffect& effect) {
+  return effect.term.estimator && effect.term.estimator->concerns_coarse_thermometer() && !effect.is_family &&
+         effect.doubt == Doubt::kNone && effect.evidence_nats < kWeak_nats;
+}
 bool is_note(const SelectedEffect& effect, double white_dph) {
+  if (are_steps_unfelt(effect)) return true;
   const bool is_beside = effect.is_structural || (effect.term.estimator && effect.term.form() == Form::kAxes);
   return is_beside && effect.rms_dph * effect.rms_dph < kSmallPart * white_dph * white_dph;
 }

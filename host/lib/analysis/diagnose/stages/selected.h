@@ -87,8 +87,12 @@ inline bool is_shape_open(const SelectedEffect& effect) {
 void open_member(SelectedEffect* effect);
 void open_shape(SelectedEffect* effect);
 void open_loop(SelectedEffect* effect);
-// What the recorder did, or axes share, where it is a small part of the noise from second to second: worth a note, and no answer
-// to what else is there.
+// Evidence of less is weak: odds of less than 20 to 1 beyond what a name must gain.
+constexpr double kWeak_nats = 3;
+// The log shows that the thermometer has coarse steps; that the rates feel them it shows weakly at most.
+bool are_steps_unfelt(const SelectedEffect& effect);
+// What the recorder did, or axes share, where it is a small part of the noise from second to second, and steps of the thermometer
+// that are not felt: worth a note, and no answer to what else is there.
 bool is_note(const SelectedEffect& effect, double white_dph);
 // It explains nothing: its shape is open, or was not seen.
 bool is_shape_unknown(const SelectedEffect& effect);

@@ -44,6 +44,15 @@ std::vector<FastFinding> sloped_kinds(const AxisQuestion& question, const SlowMo
   std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
   return kinds;
 }
+// The search for a kind may have come to a better noise beside it: what that gains without a slope is not the slope's.
+void raise_level(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& residual, SecondsNoise* level,
+                 std::vector<FastFinding>* kinds) {
+  const SecondsNoise again = fit_seconds_noise(question.campaign, kinds->front().base, residual);
+  const double more_nats = again.log_likelihood - level->log_likelihood;
+  if (!(more_nats > 0)) return;
+  for (FastFinding& kind : *kinds) kind.gain_nats -= more_nats;
+  *level = again;
+}
 // The hypothesis with another kind: as likely in block means as it can be, with the slope of the seconds.
 SlowModel with_kind(const SlowAnswer& slow, const FastFinding& kind) {
   SlowModel m = slow.found.best;
@@ -52,7 +61,8 @@ SlowModel with_kind(const SlowAnswer& slow, const FastFinding& kind) {
   m.noise_theta = kind.theta;
   return m;
 }
-// Block means took white noise for slow noise: the seconds are asked for it later.
+// Block means took white noise for slow noise: the seconds are asked for it later.  Or the noise beside the kind, to which its
+// search came, is what gains: other parameters, or another kind, do as well without a slope.
 void drop_kind(const AxisQuestion& question, SlowAnswer* slow) {
   SlowModel& best = slow->found.best;
   best.noise_effect = nullptr;
@@ -75,9 +85,14 @@ std::optional<SecondsNoise> fit_sloped_noise(const AxisQuestion& question, const
   if (!is_noise_sloped(best) || !slow->found.noise_evidence) return std::nullopt;
   const ResidualLikelihood log_likelihood(question.campaign, residual);
   const NoiseModel base = slow->search->base_noise_of(best);
-  const SecondsNoise level = fit_seconds_noise(question.campaign, base, residual);
+  SecondsNoise level = fit_seconds_noise(question.campaign, base, residual);
   std::vector<FastFinding> kinds = sloped_kinds(question, best, base, log_likelihood, level.log_likelihood);
+  raise_level(question, residual, &level, &kinds);
   FastFinding first = kinds.front();
+  if (is_slow(first) && first.gain_nats < question.constants.rivals_nats) {
+    drop_kind(question, slow);
+    return level;
+  }
   kinds.erase(std::stable_partition(kinds.begin(), kinds.end(), is_slow), kinds.end());
   if (is_slow(first)) {
     for (const FastFinding& kind : kinds) slow->sloped.push_back({kind.effect, first.gain_nats - kind.gain_nats});
