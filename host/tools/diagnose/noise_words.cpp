@@ -83,8 +83,8 @@ constexpr size_t kFewestOfLadder =
     4; // processes of one size, each so many times slower than the one before, are 1/f noise
 constexpr int kNoiseDigits = 3;
 
-// How many processes from this one on are of one size and of time constants as far apart; the last may be cut where it is longer
-// than the logs can tell.
+// How many processes from this one on are of one size and of time constants as far apart; the last ones may be closer, cut where
+// they are longer than the logs can tell.
 size_t ladder_from(const std::vector<Markov>& processes, size_t first) {
   constexpr double kSame = 1e-6;
   size_t n = 1;
@@ -92,10 +92,9 @@ size_t ladder_from(const std::vector<Markov>& processes, size_t first) {
   for (; first + n < processes.size(); ++n) {
     const Markov &before = processes[first + n - 1], &next = processes[first + n];
     const double apart = next.tau_s / before.tau_s;
-    if (std::fabs(next.sigma_dph / before.sigma_dph - 1) > kSame || !(apart > 1)) break;
     if (n == 1) ratio = apart;
-    if (std::fabs(apart / ratio - 1) < kSame) continue;
-    return apart < ratio ? n + 1 : n;
+    const bool is_of_size = std::fabs(next.sigma_dph / before.sigma_dph - 1) < kSame;
+    if (!is_of_size || !(ratio > 1) || apart < 1 || apart > ratio * (1 + kSame)) break;
   }
   return n;
 }

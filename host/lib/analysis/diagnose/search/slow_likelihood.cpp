@@ -37,8 +37,9 @@ NoiseModel SlowLikelihood::base_noise(const SlowModel& m) const {
     return white;
   }
   NoiseModel noise = m.is_believed ? space_.belief.model : with_factors(space_.base, m.log_noise);
-  for (Markov& markov : noise.markov)
-    markov.tau_s = std::clamp(markov.tau_s, std::min(1.0, space_.data.campaign.dt_s), space_.longest_tau_s);
+  // What is searched stays within what the logs can tell; what is believed may be faster than a second.
+  const double least_tau_s = m.is_believed ? 0 : std::min(1.0, space_.data.campaign.dt_s);
+  for (Markov& markov : noise.markov) markov.tau_s = std::clamp(markov.tau_s, least_tau_s, space_.longest_tau_s);
   return noise;
 }
 NoiseModel SlowLikelihood::noise(const SlowModel& m) const {
