@@ -1127,7 +1127,7 @@ static void test_rounding_of_single_logs_is_not_in_the_written_model(void**) {
     rounding.is_structural = true, rounding.is_of_some_logs = is_of_some_logs;
     result.axes.emplace_back();
     result.axes[0].study.selection.effects = {rounding};
-    complete_model(&result);
+    complete_model({"gx_dph"}, &result);
     assert_int_equal(result.model.effects.size(), is_of_some_logs ? 0 : 1);
   }
 }
@@ -1150,7 +1150,7 @@ static void test_the_written_model_follows_the_logs_where_a_free_shape_was_found
     if (has_member)
       memory.term = term_of(&find_effect("thermal_hysteresis"), find_effect("thermal_hysteresis").estimator(), {5});
     said.effects = {memory};
-    complete_model(&result);
+    complete_model({"gx_dph"}, &result);
     assert_int_equal(result.model.effects.size(), has_member ? 1 : 0);
     if (has_member)
       assert_near(read_parameters(find_effect("thermal_hysteresis"), result.model.effects[0].parameters)
