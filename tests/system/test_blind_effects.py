@@ -96,8 +96,8 @@ def noise_model(device, effects):
         elif cause["name"] == "rate_random_walk":
             parts.append((1.0, p["k_dph_per_rt_s"] ** 2, 0.0, 1.0))
         elif cause["name"] == "flicker_noise":
-            part = np.sqrt(p["b_dph"] ** 2 * np.log(4.0) / np.pi)
-            parts += [whiten.markov_part(part, 2.0 * 4.0**k) for k in range(7)]
+            part = np.sqrt(p["b_dph"] ** 2 * np.log(2.0) / np.pi)
+            parts += [whiten.markov_part(part, 0.6 * 2.0**k) for k in range(18)]
     return whiten.Noise(row(np.square(white)), parts)
 
 

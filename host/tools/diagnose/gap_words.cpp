@@ -93,9 +93,9 @@ namespace {
 // Of minutes that lie further from the predicted mean than before: by what is named, or by the polynomial beside slow noise,
 // which was bent by that.
 std::string further_text(const GapResult& g) {
-  const std::vector<Growth>& by_name = g.foretold.growth;
-  const bool is_nearer = !by_name.empty() && std::all_of(by_name.begin(), by_name.end(),
-                                                         [](const Growth& growth) { return growth.times < 1; });
+  const std::vector<double>& by_name = g.foretold.growth;
+  const bool is_nearer =
+      !by_name.empty() && std::all_of(by_name.begin(), by_name.end(), [](double growth) { return growth < 1; });
   if (is_nearer && g.minutes.is_before_least_squares)
     return "a polynomial of least squares alone is nearer to the held-out rates, since slow noise bends the one beside "
            "it; what is named brings that one nearer";

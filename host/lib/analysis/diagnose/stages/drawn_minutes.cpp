@@ -36,17 +36,6 @@ MatrixXd draws_of(const CampaignRun& run, const NoiseModel& noise, size_t place)
   }
   return run.own_strength * out;
 }
-// By how much the product of the minutes of noise and errors of the fit with `change`, which is about its mean, scatters.
-double variance_of_product(const HeldOutUnit& unit, const NoiseModel& noise, double dt_s, const VectorXd& change,
-                           size_t place) {
-  double sum = 0;
-  const MatrixXd drawn = draws_of(unit.run, noise, place);
-  for (int d = 0; d < kDrawn; ++d) sum += std::pow(means_of(drawn.col(d), dt_s).dot(change), 2) / kDrawn;
-  if (unit.covariance.size() == 0) return sum;
-  VectorXd of_columns(unit.fitted.cols());
-  for (long j = 0; j < of_columns.size(); ++j) of_columns[j] = means_of(unit.fitted.col(j), dt_s).dot(change);
-  return sum + of_columns.dot(unit.covariance * of_columns);
-}
 
 } // namespace
 
@@ -63,20 +52,13 @@ MinutesOfNoise drawn_minutes(const std::vector<HeldOutUnit>& units, const NoiseM
   return {squares.mean(), std::sqrt((squares.array() - squares.mean()).square().sum() / (kDrawn - 1))};
 }
 
-Growth growth_of_minutes(const std::vector<HeldOutUnit>& units, const NoiseModel& noise, double dt_s) {
-  double before = 0, after = 0, product = 0, variance = 0;
+double growth_of_minutes(const std::vector<HeldOutUnit>& units, double dt_s) {
+  double before = 0, after = 0;
   for (const HeldOutUnit& unit : units) {
-    const VectorXd left = means_of(unit.left, dt_s), change = means_of(unit.change, dt_s);
-    after += left.squaredNorm(), before += (left + change).squaredNorm(), product += left.dot(change);
+    const VectorXd left = means_of(unit.left, dt_s);
+    after += left.squaredNorm(), before += (left + means_of(unit.change, dt_s)).squaredNorm();
   }
-  Growth out;
-  if (!(before > 0)) return out;
-  out.times = std::sqrt(after / before);
-  if (after <= before) return out;
-  for (size_t u = 0; u < units.size(); ++u)
-    variance += variance_of_product(units[u], noise, dt_s, means_of(units[u].change, dt_s), u);
-  out.errors = -product / std::sqrt(variance);
-  return out;
+  return before > 0 ? std::sqrt(after / before) : 1;
 }
 
 } // namespace imucal

@@ -14,12 +14,7 @@ struct MinutesOfNoise {
 };
 MinutesOfNoise drawn_minutes(const std::vector<HeldOutUnit>& units, const NoiseModel& noise, double dt_s);
 
-// How the minutes change by an answer.  Were it right, all that it leaves would be noise and errors of its fit, whose
-// product with the change scatters about nothing.
-struct Growth {
-  double times = 1;  // their rms, after over before
-  double errors = 0; // by so many standard deviations that product speaks against the change
-};
-Growth growth_of_minutes(const std::vector<HeldOutUnit>& units, const NoiseModel& noise, double dt_s);
+// Rms of the minutes of these units, each about its mean: after what changes over before.  1: nothing to judge.
+double growth_of_minutes(const std::vector<HeldOutUnit>& units, double dt_s);
 
 } // namespace imucal

@@ -418,10 +418,10 @@ struct Measurement {
 };
 
 // Of the minutes of logs by the answer, over what a lesser one leaves.
-Growth growth_by(const Measurement& m, const Prediction& less) {
-  if (m.splits.empty()) return {};
+double growth_by(const Measurement& m, const Prediction& less) {
+  if (m.splits.empty()) return 1;
   const std::vector<HeldOutUnit> units = held_out_units(m.training, m.splits, less, m.after, true);
-  return growth_of_minutes(units, m.search.noise_of(m.final), m.campaign.dt_s);
+  return growth_of_minutes(units, m.campaign.dt_s);
 }
 
 // What each name is worth to the held-out data, and to data just as they are predicted.

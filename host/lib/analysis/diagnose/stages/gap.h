@@ -58,7 +58,7 @@ struct Foretold {
   std::vector<size_t> log_by_unit;   // place among the fitted, or the held-out logs
   std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
-  std::vector<Growth> growth;        // per name, of the minutes of logs: by it, over neither
+  std::vector<double> growth;        // per name, of the rms of the minutes of logs: by it, over neither
   double hours = 0;                  // of the units
 };
 

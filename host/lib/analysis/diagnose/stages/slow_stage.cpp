@@ -348,7 +348,6 @@ private:
   double lacking(size_t i) const {
     const double least = constants().least_held_out_nats, part = constants().predicted_part;
     const Support own = slow_.gap.foretold.beyond_start[i], all = slow_.gap.foretold.at_all[i];
-    const Growth growth = slow_.gap.foretold.growth[i];
     if (slow_.candidate(slow_.found.best.names[i].candidate).scan.estimator->form() == Form::kRunRandom) return -1e9;
     if (slow_.is_free_function(i)) return -1e9; // chosen for what it predicts
     if (slow_.gap.method == HeldOut::kQuarters) return least - own.nats;
@@ -357,15 +356,9 @@ private:
     const double wanted = gain * std::min(1.0, slow_.gap.foretold.hours / fitted_h);
     const bool shows_own = can_show(own, constants()), shows_all = can_show(all, constants());
     if (!shows_own && !shows_all) return -constants().against_nats - all.nats;
-    if (is_clearly_worse(growth)) return 0.5 * growth.errors * growth.errors;
     if (shows_own && shows_all && all.nats > part * std::min(wanted, all.expected) && is_by_chance(own)) return -least;
     const Support& s = shows_own ? own : all;
     return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
-  }
-  // Whether the minutes are further off by a name, and a right name would make them speak so clearly against it in 1 of 100
-  // logs.  A likelihood beside slow noise may gain by what is fast in a name and hardly ask where the minutes lie.
-  bool is_clearly_worse(const Growth& growth) const {
-    return growth.times > 1 + constants().growth_part && growth.errors > constants().short_by_chance;
   }
   // Whether a right name could gain so little: of data as predicted it gains E, of data with noise E and a normal error of
   // variance 2 E.
