@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/quantile.h"
 #include "linear/linear.h"
 
 namespace imucal {
@@ -13,7 +14,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kSameErrors = 2; // of the difference of two runs that may have begun alike
+constexpr double kSameErrors = 2;  // of the difference of two runs that may have begun alike, where not all did
+constexpr double kAllAlike = 0.99; // of campaigns whose runs all began alike are taken for that
 
 // Sizes of the runs and their covariance.
 struct Sizes {
@@ -43,6 +45,15 @@ Sizes without_prior(const Sizes& fitted, double q) {
   return {covariance * (information * fitted.mean), covariance};
 }
 
+// Whether all may be one size: the squares about their best common one.
+bool may_be_one(const Sizes& of) {
+  const VectorXd ones = VectorXd::Ones(of.mean.size());
+  const VectorXd by_ones = solve_symmetric(of.covariance, ones);
+  const VectorXd off = of.mean - ones * (by_ones.dot(of.mean) / by_ones.dot(ones));
+  const double squares = off.dot(solve_symmetric(of.covariance, off));
+  return squares <= chi2_quantile(kAllAlike, static_cast<double>(of.mean.size() - 1));
+}
+
 } // namespace
 
 StartSizes start_sizes(const Campaign& campaign, const Design& design, const Fit& fit, const Term& term, size_t place) {
@@ -53,15 +64,18 @@ StartSizes start_sizes(const Campaign& campaign, const Design& design, const Fit
     if (design.start_of_column[c] == static_cast<int>(place)) starts.push_back(static_cast<long>(c));
   if (starts.empty() || starts.size() != campaign.runs.size()) return out;
   const MatrixXd of = sizes_by_coefficients(design, starts, columns_of(design, place).front());
-  const auto [sizes, covariance] =
+  const Sizes alone =
       without_prior({of * fit.beta, of * fit.beta_covariance * of.transpose()}, design.prior_precision[starts.front()]);
+  const auto& [sizes, covariance] = alone;
+  const bool are_all_alike = sizes.size() < 2 || may_be_one(alone);
   const VectorXd errors = covariance.diagonal().cwiseMax(0).cwiseSqrt();
   Eigen::Index largest = 0;
   (sizes.cwiseAbs() - kSameErrors * errors).maxCoeff(&largest); // surely so large
   VectorXd weights = VectorXd::Zero(sizes.size());
   for (long r = 0; r < sizes.size(); ++r) {
     const double variance = covariance(r, r) + covariance(largest, largest) - 2 * covariance(r, largest);
-    const bool is_like = std::fabs(sizes[r] - sizes[largest]) <= kSameErrors * std::sqrt(std::max(0.0, variance));
+    const bool is_like =
+        are_all_alike || std::fabs(sizes[r] - sizes[largest]) <= kSameErrors * std::sqrt(std::max(0.0, variance));
     if (is_like && errors[r] > 0) weights[r] = 1 / covariance(r, r);
     out.runs.push_back({static_cast<int>(campaign.runs[static_cast<size_t>(r)].input.log), {sizes[r], errors[r]}, 0});
   }
