@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Held-out logs are logs of a real sensor too: what happens in them alone is told, and changes nothing of what is named.
 #include "analysis/diagnose/evidence/kalman.h"
+#include "analysis/diagnose/stages/drawn_minutes.h"
 #include "analysis/diagnose/stages/gap.h"
 #include "analysis/diagnose/stages/own_jumps.h"
 #include "analysis/diagnose/stages/seconds_noise.h"

@@ -79,8 +79,8 @@ bool hardly_follows_temperature(const Term& term, const Campaign& campaign) {
 
 namespace {
 
-constexpr size_t kFewestOfLadder =
-    4; // processes of one size, each so many times slower than the one before, are 1/f noise
+// So many processes of one size, each as many times slower than the one before, are 1/f noise.
+constexpr size_t kFewestOfLadder = 4;
 constexpr int kNoiseDigits = 3;
 
 // How many processes from this one on are of one size and of time constants as far apart; the last ones may be closer, cut where

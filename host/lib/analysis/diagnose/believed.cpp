@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/believed.h"
 
+#include "base/axis_unit.h"
 #include "base/units.h"
 
 namespace imucal {
 
 bool is_for(const EffectSpec& spec, const std::string& axis) {
-  return spec.axis.empty() || spec.axis == axis || spec.axis == axis.substr(0, axis.rfind('_'));
+  return spec.axis.empty() || spec.axis == axis || spec.axis == axis_stem(axis);
 }
 
 Theta theta_of(const Effect& effect, const Parameters& parameters) {

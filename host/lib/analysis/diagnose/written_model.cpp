@@ -16,8 +16,8 @@ namespace {
 constexpr double kOtherNoise = 1.5; // between two axes: beyond this ratio a model of one is not one of the other
 constexpr double kOtherBias = 3;    // the same of two polynomials: standard errors of their difference
 constexpr int kBiasPlaces = 9;      // where they are compared, as many as a table has
-constexpr double kLeastTauOfEffect_s =
-    0.1; // of a process that an effect is: faster ones are white noise from second to second
+// Of a process that an effect is: faster ones are white noise from second to second.
+constexpr double kLeastTauOfEffect_s = 0.1;
 
 // Whether an effect of the answer stands in the model that reproduces it.
 bool is_written(const SelectedEffect& effect) {

@@ -59,7 +59,7 @@ private:
   static constexpr size_t kFewest = 8;
   static constexpr double kAlike = 3;                   // how far the pile may be from what noise would put inside
   static constexpr double kNear = 2.25, kHalfWay = 1.5; // of the edge
-  static constexpr double kDigits = 3.9;                // of the log in an edge: four, of rounded ones
+  static constexpr double kDigits = 3.9;                // of the log that an edge has at least: four, less rounding
   static constexpr double kLeastHalfWay = 0.13;         // a third of what even rates have there
   struct Zeros {
     size_t n = 0;        // samples at zero

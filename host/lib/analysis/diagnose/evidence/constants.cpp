@@ -68,8 +68,8 @@ std::vector<SelectorConstant> of_selection() {
       {"growth_part", &C::growth_part, "growth of the held-out residual beyond which nothing is 'explained'",
        "rounding and the constant of a run", true},
       {"noise_errors", &C::noise_errors,
-       "standard errors of a normal number that is as seldom as a held-out residual which is more than noise and "
-       "errors of the fit",
+       "chance that noise and errors of the fit alone leave so much on held-out data, as standard errors of a normal "
+       "number",
        "1 in 740", false},
       {"noise_times", &C::noise_times,
        "times noise and errors of the fit that the held-out residual is at most where a gap is 'explained', or is none",

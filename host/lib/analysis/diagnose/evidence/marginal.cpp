@@ -334,18 +334,6 @@ double RunGrams::log_marginal(double scale, const std::vector<char>& runs) const
   return std::isfinite(value) ? value : -1e300;
 }
 
-double RunGrams::log_at_best(double scale) const {
-  const long c = n_common_;
-  MatrixXd common = MatrixXd::Zero(c + 1, c + 1);
-  double sum = 0;
-  for (size_t r = 0; r < gram_.size(); ++r) one_run(r, scale, &common), sum -= 0.5 * sum_log_s_[r];
-  if (c == 0) return sum - 0.5 * common(0, 0);
-  common.topLeftCorner(c, c).diagonal() += common_precision_ / (scale * scale);
-  const Cholesky factor(common.topLeftCorner(c, c));
-  if (!factor.is_positive()) return -1e300;
-  return sum - 0.5 * (common(c, c) - factor.half_solve(VectorXd(common.col(c).head(c))).squaredNorm());
-}
-
 double RunGrams::log_marginal_any_scale(const std::vector<char>& runs) const {
   bool has_prior = n_local_ > 1;
   for (long i = 0; i < n_common_; ++i) has_prior = has_prior || common_precision_[i] > 0;

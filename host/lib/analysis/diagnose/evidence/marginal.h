@@ -80,7 +80,6 @@ public:
 
   // Log marginal likelihood of the runs chosen (empty: all).  `scale` multiplies the standard deviations of all
   // priors of parts.
-  double log_at_best(double scale) const; // the likelihood at the best coefficients, nothing integrated out
   double log_marginal(double scale = 1, const std::vector<char>& runs = {}) const;
   // Logarithm of the mean over the prior scales 1/3, 1, 3: the size of an effect is not known to a factor of three.
   double log_marginal_any_scale(const std::vector<char>& runs = {}) const;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "analysis/diagnose/evidence/reduction.h"
+#include "analysis/diagnose/stages/drawn_minutes.h"
 #include "base/rng.h"
 #include "base/units.h"
 
@@ -431,15 +432,17 @@ void set_support(const Measurement& m, Foretold* out) {
     return ideal.empty() ? std::nan("") : sum_of(predict_all(m.search, m.training, ideal, model).nats);
   };
   const double found = sum_of(m.after.nats), ideal_found = ideal_nats(m.final);
-  const auto support = [&](const SlowModel& less) {
-    return Support{found - sum_of(m.predict(less).nats), ideal_found - ideal_nats(less)};
+  const auto support = [&](const SlowModel& less, const Prediction& by_less) {
+    return Support{found - sum_of(by_less.nats), ideal_found - ideal_nats(less)};
   };
   for (size_t i = 0; i < m.final.names.size(); ++i) {
-    SlowModel less = m.final;
-    less.names[i].is_start_only = true; // what is free in every run predicts none
-    out->beyond_start.push_back(support(less));
-    out->at_all.push_back(support(m.final.without(i)));
-    out->growth.push_back(growth_by(m, m.predict(m.final.without(i))));
+    SlowModel starts = m.final;
+    starts.names[i].is_start_only = true; // what is free in every run predicts none
+    out->beyond_start.push_back(support(starts, m.predict(starts)));
+    const SlowModel less = m.final.without(i);
+    const Prediction by_less = m.predict(less);
+    out->at_all.push_back(support(less, by_less));
+    out->growth.push_back(growth_by(m, by_less));
   }
 }
 

@@ -13,7 +13,6 @@
 
 #include "analysis/diagnose/evidence/fit.h"
 #include "analysis/diagnose/search/search.h"
-#include "analysis/diagnose/stages/drawn_minutes.h"
 #include "analysis/diagnose/stages/minutes_left.h"
 
 namespace imucal {

@@ -46,8 +46,8 @@ struct MinutesLeft {
   // errors and, where the fitted logs told the noise, of what they told (the same per hour): the ratio of two such mean
   // squares has an F distribution, of as many degrees of freedom as its scatter has.  NaN: not known.
   double times_square_by_chance(double p) const;
-  // More is left than that, but for as few logs as a normal number is beyond constants.noise_errors in.  What is named as
-  // different from run to run is not missed.
+  // Whether more is left than by chance: that of a normal number beyond constants.noise_errors (3: 1 in 740 logs).  What is
+  // named as different from run to run is not missed.
   bool exceed_noise(const SelectorConstants& constants) const;
   // So much more that the answer misses something of weight.
   bool leave_mean(const SelectorConstants& constants) const;
