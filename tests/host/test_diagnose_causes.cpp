@@ -686,6 +686,25 @@ static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(voi
     assert_true(names_of(answer_to(loop, seed, 0)) == std::set<std::string>{"thermal_hysteresis"});
 }
 
+// Its start is a curve of which start columns take straight lines: what these leave of a strong loop is no jump in time.
+static void test_the_start_of_a_strong_loop_is_no_other_cause(void**) {
+  for (const uint64_t seed : seeds_of(1, {31, 47, 62, 85})) {
+    double play = 0;
+    size_t row = 0;
+    const auto loop = [&](double t, double temp) {
+      if (t < 1.5) play = temp + 3 * std::array{0.27, -0.66, 0.45, -0.1}[row / 6000];
+      ++row;
+      play = std::clamp(play, temp - 3, temp + 3);
+      return 900 * (play - temp) / 3;
+    };
+    const Selection said = answer_to(loop, seed, 1, true);
+    assert_true(names_of(said) == std::set<std::string>{"thermal_hysteresis"} && said.verdict == Verdict::kExplained);
+    const Term& term = said.effects[0].term;
+    assert_near(term.coefficients[0], 900, 4 * term.coefficient_errors[0]);
+    assert_near(term.shape[0], 3, 4 * term.shape_errors[0]); // the turn of the temperature lies inside a block
+  }
+}
+
 // One effect of an answer as Names have it: a name, or a family whose shape is open.
 static SelectedEffect told(const char* name, double gain_nats, double threshold_nats, bool is_open = false) {
   const Effect& effect = find_effect(name);
@@ -1337,6 +1356,7 @@ int main() {
       cmocka_unit_test(test_members_are_no_names_beside_a_shape_that_holds_more),
       cmocka_unit_test(test_a_part_of_a_free_curve_over_temperature_is_no_name),
       cmocka_unit_test(test_a_loop_whose_start_states_are_larger_than_itself_is_no_name),
+      cmocka_unit_test(test_the_start_of_a_strong_loop_is_no_other_cause),
       cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
   };
   return run_answers("diagnose: causes", tests, long_tests);

@@ -104,7 +104,16 @@ private:
       question_.constants.first_step_nats = found.first_step_nats;
       slow.search->set_thresholds(found);
     }
+    if (question_.lines.empty() && follow_starts(slow.search->start_halvings()))
+      prepare_slow(question_, &campaign_, question_.held_out, &slow);
     run_slow(question_, &slow);
+  }
+  // Whether the runs have finer start columns now.
+  bool follow_starts(int halvings) {
+    for (Campaign* campaign : {&campaign_, held_out_})
+      for (size_t r = 0; campaign && r < campaign->runs.size(); ++r)
+        campaign->runs[r].input.start_halvings = halvings;
+    return halvings > 0;
   }
   static bool is_in_jump(const RunInput& in, size_t jump, size_t k) {
     const double away_s = std::fabs(in.t_s[k] - in.t_s[jump]);

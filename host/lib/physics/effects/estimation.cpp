@@ -15,6 +15,9 @@ template <class T> std::vector<T> rows_of(const std::vector<T>& column, size_t f
 RunInput part_of(const RunInput& run, size_t first, size_t end) {
   RunInput part;
   part.log = run.log, part.dt_s = run.dt_s, part.t0_degc = run.t0_degc, part.range_degc = run.range_degc;
+  part.start_halvings = run.start_halvings;
+  part.path_degc = rows_of(run.path_degc, first * run.path_per_row, end * run.path_per_row);
+  part.path_per_row = run.path_per_row;
   part.t_s = rows_of(run.t_s, first, end), part.tick = rows_of(run.tick, first, end);
   for (double& t : part.t_s) t -= run.t_s[first];
   for (long& tick : part.tick) tick -= run.tick[first];

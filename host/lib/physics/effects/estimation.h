@@ -26,6 +26,10 @@ struct RunInput {
   std::vector<double> temp_degc;     // as logged; where empty, interpolated in time
   std::vector<double> smooth_degc;   // without the noise and the steps of the thermometer
   std::vector<double> rate_degc_min; // slope of smooth_degc
+  // Where a row is a mean over more time: smooth_degc on the way through it, path_per_row of them for every row.  A memory of the
+  // extremes of the temperature (play) follows the way; means miss where it turns.  Empty: every row is one moment.
+  std::vector<double> path_degc = {};
+  size_t path_per_row = 1;
   std::vector<double> tn;            // normalised logged temperature
   std::vector<double> rate_dph;      // NaN where missing
   std::map<std::string, std::vector<double>> auxiliary;
@@ -35,6 +39,9 @@ struct RunInput {
   // Rows before which the recorder had stopped for longer than its seconds tell, increasing: what an effect with a memory did
   // meanwhile is as unknown as what it did before the log.
   std::vector<size_t> restarts = {};
+  // How often the distance is halved of the states for which a bounded memory (is_start_bounded) has start columns; not at all:
+  // its middle and its two extremes.
+  int start_halvings = 0;
 
   size_t size() const { return t_s.size(); }
   double normalised(double temp) const { return (temp - t0_degc) / range_degc; }

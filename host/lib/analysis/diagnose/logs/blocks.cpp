@@ -2,6 +2,7 @@
 #include "analysis/diagnose/logs/blocks.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/median.h"
@@ -15,6 +16,7 @@ namespace {
 constexpr double kBlock_s = 10;
 constexpr double kShortest_s = 60; // of block means that a run keeps
 constexpr double kMostBlocks = 3500;
+constexpr long kMostPlaces = 10;              // of the way of the temperature through a block
 constexpr long kFewestAround = 5;             // samples whose median is no hit of its own
 constexpr double kFastest = 4;                // blocks per time constant from which a process is white
 constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
@@ -78,11 +80,17 @@ VectorXd hits_of(const CampaignRun& run, long length, double far_dph) {
 
 // Sums over the rows of one block.
 struct BlockSum {
+  struct Place {
+    double sum = 0, n = 0;
+  };
+  std::array<Place, kMostPlaces> path; // smooth temperature, in equal parts of the block
   double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
   double used = 0, rate = 0, counted = 0;                     // rates; sum and number of those that are no hits
   std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
 
-  void add(const RunInput& in, size_t i) {
+  void add(const RunInput& in, size_t i, long place) {
+    Place& at = path[static_cast<size_t>(place)];
+    at.sum += in.smooth_degc[i], at.n += 1;
     rows += 1, t_s += in.t_s[i], temp += in.temp_degc[i], smooth += in.smooth_degc[i];
     slope += in.rate_degc_min[i], tn += in.tn[i];
     for (const auto& [name, column] : in.auxiliary)
@@ -94,11 +102,21 @@ struct BlockSum {
   }
 };
 
+// Places without a row stay where the one before them was; at first, where the next one is.
+void append_path(const BlockSum& s, RunInput* out) {
+  const auto next = std::find_if(s.path.begin(), s.path.end(), [](const BlockSum::Place& at) { return at.n > 0; });
+  double degc = next->sum / next->n;
+  for (size_t k = 0; k < out->path_per_row; ++k) {
+    if (s.path[k].n > 0) degc = s.path[k].sum / s.path[k].n;
+    out->path_degc.push_back(degc);
+  }
+}
 void append(const BlockSum& s, long tick, double fewest, RunInput* out) {
   out->t_s.push_back(s.t_s / s.rows);
   out->tick.push_back(tick);
   out->temp_degc.push_back(s.temp / s.rows);
   out->smooth_degc.push_back(s.smooth / s.rows);
+  append_path(s, out);
   out->rate_degc_min.push_back(s.slope / s.rows);
   out->tn.push_back(s.tn / s.rows);
   out->rate_dph.push_back(s.used < fewest || s.counted == 0 ? std::nan("") : s.rate / s.counted);
@@ -117,6 +135,9 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
   out.input.dt_s = in.dt_s * static_cast<double>(length);
   out.input.t0_degc = in.t0_degc, out.input.range_degc = in.range_degc;
   out.input.lo_degc = in.lo_degc, out.input.hi_degc = in.hi_degc, out.input.order = in.order;
+  out.input.start_halvings = in.start_halvings;
+  const long places = std::min(kMostPlaces, length);
+  out.input.path_per_row = static_cast<size_t>(places);
   for (const auto& entry : in.auxiliary) out.input.auxiliary[entry.first] = {};
   const VectorXd hits = hits_of(run, std::max(length, kFewestAround), far_dph);
   const double fewest = 0.5 * static_cast<double>(length);
@@ -129,7 +150,7 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
       sum = BlockSum();
     }
     block = at;
-    sum.add(in, i);
+    sum.add(in, i, in.tick[i] % length * places / length);
     if (k == run.n() || static_cast<size_t>(run.used[k]) != i) continue;
     sum.add_rate(in.rate_dph[i], hits[static_cast<long>(k)] != 0);
     ++k;

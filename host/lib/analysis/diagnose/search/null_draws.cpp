@@ -44,7 +44,7 @@ private:
 void add_run(const CampaignRun& run, Hash* hash) {
   const RunInput& in = run.input;
   for (const std::vector<double>* column :
-       {&in.t_s, &in.temp_degc, &in.smooth_degc, &in.rate_degc_min, &in.tn, &in.rate_dph})
+       {&in.t_s, &in.temp_degc, &in.smooth_degc, &in.path_degc, &in.rate_degc_min, &in.tn, &in.rate_dph})
     hash->add(*column);
   for (const auto& [name, values] : in.auxiliary) hash->add(name), hash->add(values);
   hash->add(run.used), hash->add(run.steps), hash->add(run.start_s);

@@ -7,6 +7,7 @@
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/search/slow_judge.h"
 #include "analysis/diagnose/search/slow_kinds.h"
+#include "analysis/diagnose/search/start_halvings.h"
 #include "analysis/diagnose/search/time_jumps.h"
 
 namespace imucal {
@@ -48,6 +49,11 @@ std::vector<double> SlowSearch::gains_under(const SlowModel& noise, size_t draws
   const SlowScan::OwnNode own = impl_->scans.node_of(noise);
   nodes.push_back(own.get());
   return imucal::null_gains(impl_->likelihood, nodes, noise, draws, seed);
+}
+int SlowSearch::start_halvings() {
+  impl_->prepare();
+  impl_->scans.make_nodes(impl_->start);
+  return imucal::start_halvings(impl_->likelihood, impl_->scans, impl_->start_null);
 }
 void SlowSearch::forget_scans() {
   impl_->scans.forget_white();

@@ -43,6 +43,8 @@ public:
   // Names everything that null_gains depends on, to the last bit: what is kept under it is what would be drawn.
   std::string null_key(size_t draws, uint64_t seed) const;
   void set_thresholds(const Thresholds& thresholds);
+  // How finely the starts of the loop that the logs may hold must be followed (start_halvings.h); the data may be coarser.
+  int start_halvings();
   void forget_scans(); // frees what is quick to make anew: of a long log, hundreds of megabytes
 
   const std::vector<Candidate>& candidates() const;

@@ -15,6 +15,9 @@ constexpr size_t kPairNodes = 6, kNodesKept = 2;
 } // namespace
 
 void SlowScan::make_nodes(const SlowModel& about) {
+  const std::array<double, 3> noise = {about.log_noise[0], about.log_noise[1], about.log_noise[2]};
+  if (!nodes_.empty() && about_ == noise) return;
+  about_ = noise;
   nodes_.clear();
   for (double q : kDensityFactors)
     for (double t : kTauFactors) {

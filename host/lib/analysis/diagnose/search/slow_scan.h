@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Scans: every candidate beside a hypothesis, on the places of its grid, under nodes of noise.
 #pragma once
+#include <array>
+
 #include "analysis/diagnose/search/slow_likelihood.h"
 
 namespace imucal {
@@ -51,6 +53,7 @@ private:
   const SlowSpace& space_;
   const SlowLikelihood& likelihood_;
   std::vector<SlowNode> nodes_;
+  std::array<double, 3> about_ = {}; // logarithms of factors (SlowModel::log_noise) about which they lie
   mutable std::vector<OwnNode> kept_nodes_; // the last that were asked for, the oldest first
 };
 
