@@ -365,8 +365,8 @@ def tell_device(device, axis, told):
 def tell_sizes(tolds):
     for key, z in gathered(tolds).items():
         z, off = np.array(z), [told.off[key] for told in tolds if key in told.off]
-        print(f"    {key}: {len(z)} told, |z| < 2 in {(abs(z) < 2).sum()}, < {FAR} in {(abs(z) < FAR).sum()}; mean z {z.mean():.2f},"
-              f" rms {np.sqrt((z ** 2).mean()):.2f}, largest {z[np.argmax(abs(z))]:.1f}"
+        print(f"    {key}: {len(z)} told, |z| < 2 in {(abs(z) < 2).sum()}, < {FAR} in {(abs(z) < FAR).sum()}; "
+              f"mean z {z.mean():.2f}, rms {np.sqrt((z ** 2).mean()):.2f}, largest {z[np.argmax(abs(z))]:.1f}"
               + (f"; told - truth: mean {np.mean(off):.3g}, median {np.median(off):.3g}" if off else ""))
 
 
@@ -375,7 +375,8 @@ def tell_case(case, tolds):
     wrong = [(t.seed, t.first, round(t.strength)) for t in tolds if not t.is_right]
     print(f"{case}: first is right in {sum(t.is_right for t in seen)} of {len(seen)} visible ones, "
           f"{sum(t.is_right for t in tolds)} of all {len(tolds)}; wrong: {wrong}")
-    print(f"    verdicts: {dict(Counter(t.verdict for t in tolds))}; starts said to differ: {sum(t.starts_differ for t in tolds)}")
+    verdicts = dict(Counter(t.verdict for t in tolds))
+    print(f"    verdicts: {verdicts}; starts said to differ: {sum(t.starts_differ for t in tolds)}")
     false = [t for t in tolds if t.false]
     print(f"    false names in {len(false)}:", [(t.seed, [(name, round(size)) for name, size in t.false]) for t in false])
     tell_sizes(tolds)
