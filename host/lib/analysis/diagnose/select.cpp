@@ -111,8 +111,7 @@ private:
   // Whether the runs have finer start columns now.
   bool follow_starts(int halvings) {
     for (Campaign* campaign : {&campaign_, held_out_})
-      for (size_t r = 0; campaign && r < campaign->runs.size(); ++r)
-        campaign->runs[r].input.start_halvings = halvings;
+      for (size_t r = 0; campaign && r < campaign->runs.size(); ++r) campaign->runs[r].input.start_halvings = halvings;
     return halvings > 0;
   }
   static bool is_in_jump(const RunInput& in, size_t jump, size_t k) {

@@ -30,8 +30,8 @@ struct RunInput {
   // extremes of the temperature (play) follows the way; means miss where it turns.  Empty: every row is one moment.
   std::vector<double> path_degc = {};
   size_t path_per_row = 1;
-  std::vector<double> tn;            // normalised logged temperature
-  std::vector<double> rate_dph;      // NaN where missing
+  std::vector<double> tn;       // normalised logged temperature
+  std::vector<double> rate_dph; // NaN where missing
   std::map<std::string, std::vector<double>> auxiliary;
   double t0_degc = 0, range_degc = 1; // normalisation
   int order = 3;                      // of the polynomial that is estimated beside everything

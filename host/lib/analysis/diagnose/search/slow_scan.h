@@ -53,7 +53,7 @@ private:
   const SlowSpace& space_;
   const SlowLikelihood& likelihood_;
   std::vector<SlowNode> nodes_;
-  std::array<double, 3> about_ = {}; // logarithms of factors (SlowModel::log_noise) about which they lie
+  std::array<double, 3> about_ = {};        // logarithms of factors (SlowModel::log_noise) about which they lie
   mutable std::vector<OwnNode> kept_nodes_; // the last that were asked for, the oldest first
 };
 
